@@ -1,0 +1,72 @@
+/* Geometry: a closed-ish triangle surface, filled with particles, with a line of action, fibres,
+ * attachments and regions (design: sections 3.5, 3.9 and 3.10 of the paper). Lengths in metres. */
+#ifndef SPH_MUSCLE_GEOMETRY_H
+#define SPH_MUSCLE_GEOMETRY_H
+
+#include "sph_muscle/parameters.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A triangle surface. Whoever fills the struct owns it and frees it with sphm_surface_free(). */
+typedef struct sphm_surface {
+    size_t vertex_count, triangle_count;
+    double *vertices;   /* [3 * vertex_count], m */
+    int32_t *triangles; /* [3 * triangle_count], vertex numbers, counter-clockwise seen from outside */
+} sphm_surface;
+
+/* What was found in a surface and done about it. */
+typedef struct sphm_surface_report {
+    size_t open_edges;        /* edges with one triangle, in the part that is kept */
+    size_t components;        /* connected pieces after welding */
+    size_t dropped_fragments; /* pieces left out: less than 1 % of the total area */
+    size_t degenerate;        /* triangles without area, left out */
+    double area_m2, volume_m3;
+    double lower_m[3], upper_m[3]; /* bounding box */
+} sphm_surface_report;
+
+void sphm_surface_free(sphm_surface *surface);
+sphm_status sphm_surface_copy(const sphm_surface *from, sphm_surface *to, sphm_context *context);
+/* Welds equal vertices, drops degenerate triangles and loose fragments, turns the surface outwards if its
+ * volume is negative. Refuses an empty surface and one without volume. `report` may be NULL. */
+sphm_status sphm_surface_repair(sphm_surface *surface, sphm_surface_report *report, sphm_context *context);
+/* The surface of the preset named by parameters->preset, in its frame: x from origin to insertion, y the
+ * widest direction, centred on the line of action. */
+sphm_status sphm_surface_preset(const sphm_parameters *parameters, sphm_surface *surface,
+                                sphm_context *context);
+
+enum { SPHM_FREE = 0, SPHM_ATTACHED_ORIGIN = 1, SPHM_ATTACHED_INSERTION = 2 };
+enum { SPHM_REGION_ORIGIN = 0, SPHM_REGION_CENTRE = 1, SPHM_REGION_INSERTION = 2, SPHM_REGION_COUNT = 3 };
+
+/* The muscle's rest shape as particles. Arrays are by particle id, 0 ... count - 1. */
+typedef struct sphm_body {
+    size_t count;
+    double spacing_m;        /* of the filling; mass per particle = density volume / count */
+    double volume_m3;
+    double support_radius_m; /* h */
+    double length_m;         /* |insertion - origin| */
+    double mid_radius_m;     /* equivalent radius sqrt(A/pi) of the mid-belly section */
+    double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
+    double lower_m[3], upper_m[3];
+    double *positions;       /* [3 * count], m */
+    double *fibres;          /* [3 * count], unit vectors */
+    double *axial_fraction;  /* [count], 0 ... 1: share of the tissue nearer to the origin, by volume */
+    uint8_t *attachment;     /* [count], SPHM_FREE ... */
+    uint8_t *region;         /* [count], SPHM_REGION_...: 20 % / 60 % / 20 % by volume */
+    uint8_t *outer;          /* [count], 1 on the outermost layer of particles */
+    size_t isolated;         /* particles with no neighbour within h */
+    sphm_surface surface;    /* what was filled, repaired */
+    sphm_surface_report report;
+} sphm_body;
+
+/* Builds the rest shape from `mesh` (borrowed; NULL: the preset) and the parameters. On anything but
+ * SPHM_OK `body` is left zeroed. */
+sphm_status sphm_body_create(const sphm_parameters *parameters, const sphm_surface *mesh, sphm_body *body,
+                             sphm_context *context);
+void sphm_body_free(sphm_body *body);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,137 @@
+/* The muscle: create, stimulate, advance, look, reset, save.
+ *
+ * A handle belongs to one thread at a time; any number of muscles may live in a process. Times are
+ * simulated seconds since creation or reset. */
+#ifndef SPH_MUSCLE_MUSCLE_H
+#define SPH_MUSCLE_MUSCLE_H
+
+#include "sph_muscle/geometry.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_muscle sphm_muscle;
+
+/* Builds a muscle at rest. Parameters and `mesh` (NULL: the preset) are copied. The schedule in
+ * parameters->stimulus is installed. On anything but SPHM_OK *muscle is NULL. */
+sphm_status sphm_muscle_create(const sphm_parameters *parameters, const sphm_surface *mesh,
+                               sphm_muscle **muscle, sphm_context *context);
+void sphm_muscle_destroy(sphm_muscle *muscle); /* NULL is fine */
+
+/* Back to the rest state at time 0: commands, external forces and failures are forgotten, the schedule of
+ * the parameters starts again. */
+sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context);
+
+/* Advances by exactly duration_s > 0 in the fewest equal steps the time-step limits allow.
+ * SPHM_FAILED_NONFINITE names the first particle and stage that became non-finite. */
+sphm_status sphm_muscle_advance(sphm_muscle *muscle, double duration_s, sphm_context *context);
+/* Takes `count` steps of sphm_muscle_time_step(). */
+sphm_status sphm_muscle_step(sphm_muscle *muscle, size_t count, sphm_context *context);
+/* The step in use, s, and every limit on it, s (infinite where one does not apply). */
+typedef struct sphm_time_step_limits {
+    double courant, acoustic, viscous, diffusion, shape_matching, smallest;
+} sphm_time_step_limits;
+double sphm_muscle_time_step(const sphm_muscle *muscle);
+sphm_time_step_limits sphm_muscle_time_step_limits(const sphm_muscle *muscle);
+double sphm_muscle_time(const sphm_muscle *muscle);
+uint64_t sphm_muscle_steps(const sphm_muscle *muscle);
+
+/* Drives an electrode ("belly", "origin", "insertion", "both", "sphere") with current_uA_per_mm2 from now
+ * on, for duration_s of simulated time; 0 means until replaced. The last command an electrode got wins,
+ * over the schedule too. Refuses NaN, infinities, negative durations and unknown electrodes; nothing that
+ * runs changes then. NULL electrode: the default one. */
+sphm_status sphm_muscle_stimulate(sphm_muscle *muscle, const char *electrode, double current_uA_per_mm2,
+                                  double duration_s, sphm_context *context);
+/* Adds to the schedule: "START:END:CURRENT[:ELECTRODE[:RATE_HZ:PULSE_S]][; ...]". With a rate it is a train
+ * of pulses of PULSE_S seconds. Where entries of one electrode overlap the later one wins. */
+sphm_status sphm_muscle_schedule(sphm_muscle *muscle, const char *schedule, sphm_context *context);
+/* The current that drives `electrode` (NULL: default) now, uA/mm2; 0 if none or unknown. */
+double sphm_muscle_stimulus(const sphm_muscle *muscle, const char *electrode);
+
+/* Pulls the particles within radius_m of point_m (as they are now, at each step) with force_N in all,
+ * shared by mass, for duration_s (0: until reset). Refuses non-finite values, radius <= 0 and negative
+ * durations. At most 16 at a time; one more is refused. Each forgets itself when it ends. */
+sphm_status sphm_muscle_apply_force(sphm_muscle *muscle, const double point_m[3], const double force_N[3],
+                                    double radius_m, double duration_s, sphm_context *context);
+
+const sphm_parameters *sphm_muscle_parameters(const sphm_muscle *muscle);
+const sphm_body *sphm_muscle_body(const sphm_muscle *muscle);
+/* What it computes on, e.g. "cpu, 2 threads". Lives as long as the muscle. */
+const char *sphm_muscle_device(const sphm_muscle *muscle);
+
+/* Particle fields by particle id, gathered on request into buffers the muscle owns; valid until the next
+ * non-const call on it. */
+typedef struct sphm_particles {
+    size_t count;
+    const float *position_m;            /* [3 * count] */
+    const float *velocity_m_per_s;      /* [3 * count] */
+    const float *displacement_vector_m; /* [3 * count], from the rest shape carried by the best rigid motion */
+    const float *displacement_m;        /* [count], its length */
+    const float *pressure_Pa;           /* [count], positive in compression, electrical part included */
+    const float *electrical_pressure_Pa; /* [count] */
+    const float *density_kg_per_m3;     /* [count] */
+    const float *membrane_potential_mV; /* [count] */
+    const float *recovery;              /* [count], w */
+    const float *activation;            /* [count], 0 ... 1 */
+    const float *fibre_stretch;         /* [count], current over rest length along the fibre */
+} sphm_particles;
+sphm_status sphm_muscle_particles(sphm_muscle *muscle, sphm_particles *particles, sphm_context *context);
+
+/* Sums over the muscle (observables.c). Regions: origin, centre, insertion. */
+typedef struct sphm_observation {
+    double time_s;
+    double stimulus_uA_per_mm2; /* of the default electrode */
+    double activation;          /* volume mean */
+    double membrane_potential_mV, membrane_potential_region_mV[3]; /* means */
+    double displacement_mean_m, displacement_max_m;
+    double displacement_region_m[3];          /* means */
+    double displacement_plane_m[3][3];        /* [region][xy, yz, xz]: mean length within the plane */
+    double displacement_sections_m;           /* mean displacement of the centroids of 20 sections */
+    double displacement_surface_m;            /* mean over the outermost particles */
+    double deformation_by_radius, deformation_by_length; /* mean displacement over rest mid radius, length */
+    double pressure_mean_Pa, pressure_region_Pa[3], electrical_pressure_mean_Pa;
+    double length_m;            /* along the line of action, between the centroids of the two ends */
+    double lengthening_speed_m_per_s;
+    double shortening;          /* 1 - length / rest length */
+    double bulge;               /* mean radius of the centre region over its rest value, minus 1 */
+    double volume_ratio;        /* sum of m/rho over its rest value */
+    double kinetic_energy_J, speed_max_m_per_s;
+    uint64_t nonfinite;         /* particles with a non-finite value; 0 in a healthy state */
+} sphm_observation;
+sphm_status sphm_muscle_observe(sphm_muscle *muscle, sphm_observation *observation, sphm_context *context);
+
+/* The whole state, byte for byte: FNV-1a of all state arrays by particle id, and of the time. */
+uint64_t sphm_muscle_hash(sphm_muscle *muscle);
+/* Little-endian, versioned, checksummed; written to a temporary file beside `path` and renamed. Loading
+ * refuses a truncated or foreign file, and one of another muscle (rest shape or parameters of the physics),
+ * and then leaves the muscle as it was. A restored state continues bit for bit. */
+sphm_status sphm_muscle_save(sphm_muscle *muscle, const char *path, sphm_context *context);
+sphm_status sphm_muscle_load(sphm_muscle *muscle, const char *path, sphm_context *context);
+
+/* The deforming surface: vertices carried by nearby particles, exact under affine motion (skin.c). */
+typedef struct sphm_skin {
+    size_t vertex_count, triangle_count;
+    const float *vertices_m;   /* [3 * vertex_count], now */
+    const int32_t *triangles;  /* [3 * triangle_count] */
+    const float *field;        /* [vertex_count], the field asked for, smoothly interpolated */
+} sphm_skin;
+/* `field`: SPHM_FIELD_...; buffers are the muscle's, valid until the next non-const call on it. */
+sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
+
+/* Where the time went since creation or the last sphm_muscle_reset_timing(), s of wall time. */
+typedef struct sphm_timing {
+    uint64_t steps;
+    double total_s, neighbours_s, intermediate_velocity_s, density_pressure_s, forces_s, diffusion_s,
+        cell_model_s, integration_s; /* shape matching counts to the intermediate velocity */
+    double neighbours_per_particle;  /* mean, within the support radius */
+    uint64_t neighbour_rebuilds;
+    size_t memory_bytes; /* allocated for this muscle */
+} sphm_timing;
+sphm_timing sphm_muscle_timing(const sphm_muscle *muscle);
+void sphm_muscle_reset_timing(sphm_muscle *muscle);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,41 @@
+/* What a back end must do. It owns loops, memory and launches; the physics is in src/kernels. */
+#ifndef SPHM_CORE_BACKEND_H
+#define SPHM_CORE_BACKEND_H
+
+#include "core/drive.h"
+#include "core/model.h"
+#include "core/state.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_backend sphm_backend;
+
+typedef struct sphm_backend_ops {
+    const char *name;
+    /* `model` is borrowed and outlives the back end. The new back end holds the rest state. */
+    sphm_status (*create)(const sphm_model *model, sphm_backend **backend, sphm_context *context);
+    void (*destroy)(sphm_backend *backend);
+    /* Takes `count` steps of at most time_step_s under `drive`. Returns SPHM_FAILED_NONFINITE, with particle and
+     * stage in the message, when a value stops being finite. */
+    sphm_status (*step)(sphm_backend *backend, size_t count, double time_step_s, const sphm_drive *drive,
+                        sphm_context *context);
+    /* The state, on the host and up to date; valid until the next call. */
+    const sphm_state *(*view)(sphm_backend *backend);
+    /* Replaces STATE arrays, time and step count by those of `state` (in any slot order). */
+    sphm_status (*restore)(sphm_backend *backend, const sphm_state *state, sphm_context *context);
+    /* Limits on the next step, given the present velocities. */
+    sphm_time_step_limits (*limits)(const sphm_backend *backend);
+    sphm_timing (*timing)(const sphm_backend *backend);
+    void (*reset_timing)(sphm_backend *backend);
+    const char *(*device)(const sphm_backend *backend);
+} sphm_backend_ops;
+
+/* The back ends that were built. */
+extern const sphm_backend_ops sphm_cpu_backend;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

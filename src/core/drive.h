@@ -1,0 +1,28 @@
+/* What acts on the muscle during a run of equal steps: constant over that run, so that a back end can take
+ * many steps from one submission. The muscle cuts its steps where the drive changes. */
+#ifndef SPHM_CORE_DRIVE_H
+#define SPHM_CORE_DRIVE_H
+
+#include "sph_muscle/parameters.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define SPHM_MAX_FORCES 16
+
+typedef struct sphm_point_force {
+    double point_m[3], force_N[3], radius_m;
+} sphm_point_force;
+
+typedef struct sphm_drive {
+    uint8_t driven[SPHM_ELECTRODE_COUNT];       /* 1 while the electrode carries a current that is not 0 */
+    double current_uA_per_mm2[SPHM_ELECTRODE_COUNT];
+    size_t force_count;
+    sphm_point_force forces[SPHM_MAX_FORCES];
+} sphm_drive;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,26 @@
+/* The constant part of a muscle: parameters, rest shape, derived constants. Built once, then read only. */
+#ifndef SPHM_CORE_MODEL_H
+#define SPHM_CORE_MODEL_H
+
+#include "kernels/fluid.h"
+#include "kernels/membrane.h"
+#include "sph_muscle/muscle.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_model {
+    sphm_parameters parameters;
+    sphm_body body;
+    double frame_m[3];                           /* state positions are relative to it: middle of the bounding box */
+    double particle_mass_kg, particle_volume_m3; /* equal for all particles */
+    uint8_t *electrodes;                         /* [count], bit e: in electrode e */
+    sphm_membrane_constants membrane;            /* kernels/membrane.h */
+    sphm_fluid_constants fluid;                  /* kernels/fluid.h */
+} sphm_model;
+
+#ifdef __cplusplus
+}
+#endif
+#endif
