@@ -19,6 +19,25 @@ typedef struct sphm_state {
 #undef ARRAY
 } sphm_state;
 
+/* The largest sizeof of any array's element: what one scratch array for sphm_state_permute() needs. */
+#define SPHM_STATE_ELEMENT_SIZE 8
+
+/* Allocates every array (64-byte aligned, zeroed, ids 0 ... count - 1). On a refusal `state` is zeroed. */
+sphm_status sphm_state_create(sphm_state *state, size_t count, sphm_context *context);
+void sphm_state_free(sphm_state *state); /* a zeroed state is fine */
+/* Copies time, steps and every array. Both have the same count. */
+void sphm_state_copy(const sphm_state *from, sphm_state *to);
+/* Reorders every array: the new slot s gets what was in slot order[s]. `scratch` holds capacity elements of
+ * SPHM_STATE_ELEMENT_SIZE bytes. */
+void sphm_state_permute(sphm_state *state, const int32_t *order, void *scratch);
+/* Writes the STATE arrays of `from`, whatever its slot order, into `to` in slots 0, 1, ... by particle id,
+ * with time and steps. REST arrays of `to` must be by id already. SPHM_REFUSED_ARGUMENT, with `to` unchanged,
+ * when the ids of `from` are not a permutation. `slots` is scratch of count elements. */
+sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_t *slots,
+                                  sphm_context *context);
+/* Bytes that sphm_state_create() allocates for `count` particles. */
+size_t sphm_state_bytes(size_t count);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,53 @@
+/* Inside a muscle: the model, a back end that holds the state, what drives it, and the views others keep.
+ * Private to the library; muscle.c owns it, observables, skin and snapshots read it. */
+#ifndef SPHM_CORE_MUSCLE_H
+#define SPHM_CORE_MUSCLE_H
+
+#include "core/backend.h"
+#include "core/drive.h"
+#include "core/model.h"
+#include "core/state.h"
+#include "core/stimulus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A pull that ends by itself. */
+typedef struct sphm_timed_force {
+    sphm_point_force force;
+    double end_s; /* simulated time; infinite: until reset */
+} sphm_timed_force;
+
+struct sphm_muscle {
+    sphm_model model;
+    const sphm_backend_ops *ops;
+    sphm_backend *backend; /* holds the state: ops->view(backend) */
+
+    sphm_stimulus stimulus;
+    size_t force_count;
+    sphm_timed_force forces[SPHM_MAX_FORCES];
+
+    double requested_step_s; /* the parameter, 0: automatic */
+    int warned_step;         /* the warning about a reduced step was given */
+    int failed;              /* non-finite: only reset, load and destroy are allowed */
+    char failure[256];
+
+    /* Buffers of the functions that look at the muscle (particles.c, skin.c). Whoever allocates them sets the
+     * function that frees them; `views` starts as NULL. */
+    struct sphm_views *views;
+    void (*free_views)(struct sphm_views *views);
+};
+
+/* The state on the host, up to date, in slot order, relative to model.frame_m. */
+static inline const sphm_state *sphm_muscle_state(const sphm_muscle *muscle) {
+    return muscle->ops->view(muscle->backend);
+}
+
+/* Replaces the state (in any slot order) and forgets a failure; stimulus and forces are left alone. */
+sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sphm_context *context);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
