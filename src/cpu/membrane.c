@@ -1,0 +1,174 @@
+/* The membrane sweep on the CPU (eqs 24, 25, 27).
+ *
+ * One sub-step of dt is split symmetrically (Strang, SIAM J. Numer. Anal. 5 (1968) 506): half a step of the
+ * cell model, diffusion over dt by forward Euler, half a step of the cell model. The halves of neighbouring
+ * sub-steps are joined, so that n sub-steps cost n gathers over the pairs and n + 1 cell sweeps. Beside the
+ * gather the cell sweep costs next to nothing. */
+#include "cpu/membrane.h"
+
+#include <math.h>
+#include <time.h>
+
+/* Particles per unit of work. Fixed, so that a particle meets the same instructions whatever the number of
+ * threads. */
+enum { BLOCK = 1024 };
+/* Share of the stable step of the diffusion that is used: at the very limit the shortest wave is undamped. */
+static const double diffusion_share = 0.9;
+
+/* What each combination of electrodes does to a particle that belongs to them. */
+enum { MASKS = 1 << SPHM_ELECTRODE_COUNT };
+typedef struct drive_table {
+    int anything;
+    sphm_real current[MASKS], lower[MASKS], upper[MASKS];
+} drive_table;
+
+static double now_s(void) {
+    struct timespec t;
+    timespec_get(&t, TIME_UTC);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static drive_table tabulate(const sphm_membrane_constants *c, const sphm_drive *drive) {
+    drive_table table;
+    table.anything = 0;
+    for (int mask = 0; mask < MASKS; mask++) {
+        double current = 0;
+        int driven = 0;
+        for (int e = 0; e < SPHM_ELECTRODE_COUNT; e++)
+            if ((mask >> e & 1) && drive->driven[e]) {
+                current += drive->current_uA_per_mm2[e];
+                driven = 1;
+            }
+        table.anything |= driven;
+        table.current[mask] = (sphm_real)current;
+        table.lower[mask] = driven ? c->resting_mV - SPHM_ELECTRODE_UNDERSHOOT_MV : -(sphm_real)INFINITY;
+        table.upper[mask] = driven ? c->plateau_mV : (sphm_real)INFINITY;
+    }
+    return table;
+}
+
+/* Cell model over step_ms for the slots begin ... end: `from` and recovery -> membrane_potential, recovery.
+ */
+static void react(sphm_state *s, const sphm_membrane_constants *constants, const drive_table *table,
+                  const sphm_real *from, sphm_real step_ms, size_t begin, size_t end) {
+    const sphm_membrane_constants c = *constants;
+    sphm_real *potential = s->membrane_potential, *recovery = s->recovery;
+    const uint8_t *electrodes = s->electrodes;
+    if (!table->anything) {
+        sphm_membrane_drive none;
+        none.current_uA_per_mm2 = 0;
+        none.lower_mV = -(sphm_real)INFINITY;
+        none.upper_mV = (sphm_real)INFINITY;
+#pragma omp simd
+        for (size_t i = begin; i < end; i++) {
+            sphm_real v = from[i], w = recovery[i];
+            sphm_membrane_advance(&c, none, step_ms, &v, &w);
+            potential[i] = v;
+            recovery[i] = w;
+        }
+        return;
+    }
+#pragma omp simd
+    for (size_t i = begin; i < end; i++) {
+        const int mask = electrodes[i] & (MASKS - 1);
+        sphm_membrane_drive drive;
+        drive.current_uA_per_mm2 = table->current[mask];
+        drive.lower_mV = table->lower[mask];
+        drive.upper_mV = table->upper[mask];
+        sphm_real v = from[i], w = recovery[i];
+        sphm_membrane_advance(&c, drive, step_ms, &v, &w);
+        potential[i] = v;
+        recovery[i] = w;
+    }
+}
+
+/* membrane_next = potential + dt sum_j w_ij (potential_j - potential_i). Differences, not sum w V - V sum w,
+ * so that a uniform potential stays uniform to the bit. */
+static void diffuse(sphm_state *s, const sphm_neighbours *n, const sphm_real *weight, sphm_real step_ms,
+                    size_t begin, size_t end) {
+    const sphm_real *potential = s->membrane_potential;
+    for (size_t i = begin; i < end; i++) {
+        const int32_t *slot = n->slot;
+        const sphm_real own = potential[i];
+        const size_t row_end = n->row_start[i + 1];
+        sphm_real sum = 0;
+#pragma omp simd reduction(+ : sum)
+        for (size_t k = n->row_start[i]; k < row_end; k++)
+            sum += weight[k] * (potential[slot[k]] - own);
+        s->membrane_next[i] = own + step_ms * sum;
+    }
+}
+
+static void filter_activation(sphm_state *s, const sphm_membrane_constants *constants, double step_ms,
+                              size_t begin, size_t end) {
+    const sphm_membrane_constants c = *constants;
+    const sphm_real rise = (sphm_real)-expm1(-step_ms / (double)c.activation_ms);
+    const sphm_real fall = (sphm_real)-expm1(-step_ms / (double)c.deactivation_ms);
+    const sphm_real *potential = s->membrane_potential;
+    sphm_real *activation = s->activation;
+#pragma omp simd
+    for (size_t i = begin; i < end; i++)
+        activation[i] =
+            sphm_activation_filter(activation[i], sphm_activation_target(&c, potential[i]), rise, fall);
+}
+
+size_t sphm_membrane_substeps(const sphm_membrane_constants *constants, const sphm_diffusion *diffusion,
+                              double step_ms) {
+    const double longest =
+        fmin((double)constants->reaction_step_ms, diffusion_share * diffusion->stable_step_ms);
+    /* A step that is the longest one but for rounding is one sub-step, not two. */
+    const double substeps = ceil(step_ms / longest - 1e-6);
+    return substeps > 1 ? (size_t)substeps : 1;
+}
+
+static size_t block_end(size_t block, size_t count) {
+    return (block + 1) * BLOCK < count ? (block + 1) * BLOCK : count;
+}
+
+/* One cell sweep over all particles; the last one of a step also filters the activation over step_ms. */
+static void react_all(sphm_state *s, const sphm_membrane_constants *c, const drive_table *table,
+                      const sphm_real *from, double reaction_ms, double step_ms, int last) {
+    const size_t blocks = (s->count + BLOCK - 1) / BLOCK;
+#pragma omp parallel for schedule(static)
+    for (size_t b = 0; b < blocks; b++) {
+        const size_t begin = b * BLOCK, end = block_end(b, s->count);
+        react(s, c, table, from, (sphm_real)reaction_ms, begin, end);
+        if (last)
+            filter_activation(s, c, step_ms, begin, end);
+    }
+}
+
+static void diffuse_all(sphm_state *s, const sphm_neighbours *n, const sphm_diffusion *d, double step_ms) {
+    const size_t blocks = (s->count + BLOCK - 1) / BLOCK;
+#pragma omp parallel for schedule(static)
+    for (size_t b = 0; b < blocks; b++)
+        diffuse(s, n, d->weight, (sphm_real)step_ms, b * BLOCK, block_end(b, s->count));
+}
+
+void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
+                            const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
+                            const sphm_drive *drive, double step_s, sphm_timing *timing) {
+    const double step_ms = step_s * 1e3;
+    const size_t substeps = sphm_membrane_substeps(constants, diffusion, step_ms);
+    const double dt = step_ms / (double)substeps;
+    const drive_table table = tabulate(constants, drive);
+    double t0 = timing ? now_s() : 0, cell_s = 0, diffusion_s = 0;
+
+    const sphm_real *from = state->membrane_potential;
+    for (size_t k = 0; k <= substeps; k++) {
+        const int last = k == substeps;
+        react_all(state, constants, &table, from, k == 0 || last ? dt / 2 : dt, step_ms, last);
+        const double t1 = timing ? now_s() : 0;
+        cell_s += t1 - t0;
+        if (last)
+            break;
+        diffuse_all(state, neighbours, diffusion, dt);
+        from = state->membrane_next;
+        t0 = timing ? now_s() : 0;
+        diffusion_s += t0 - t1;
+    }
+    if (timing) {
+        timing->cell_model_s += cell_s;
+        timing->diffusion_s += diffusion_s;
+    }
+}
