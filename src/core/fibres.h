@@ -1,0 +1,17 @@
+/* Fibre directions of a body. */
+#ifndef SPHM_CORE_FIBRES_H
+#define SPHM_CORE_FIBRES_H
+
+#include "sph_muscle/geometry.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Writes body->fibres as parameters->fibres says; reads the rest of the body but `surface` and `isolated`. */
+sphm_status sphm_body_lay_fibres(sphm_body *body, const sphm_parameters *parameters, sphm_context *context);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,264 @@
+/* Filling a surface with particles on a cubic lattice. Reads the surface and its winding number, writes
+ * positions and the flags of the outermost layer.
+ *
+ * A site is tissue where the winding number is above one half. The spacing is found by regula falsi on the
+ * number of sites, starting from volume / count; three or four fillings do. Rejected: Poisson sampling and
+ * relaxed packings, which cost more and whose disorder adds noise to SPH sums at rest (`jitter` is there for
+ * those who want disorder). */
+#include "core/filling.h"
+#include "core/context.h"
+#include "core/vec3.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* A first guess this near is not improved further. */
+#define GOOD_ENOUGH 0.002
+#define ATTEMPTS_PER_OFFSET 14
+#define MOST_SITES ((size_t)1 << 33)
+/* Connected sites that make up less than this share of all are strays. */
+#define STRAY_SHARE 0.01
+
+/* Where the middle of the surface's box lies between lattice sites. Half a spacing everywhere is a lattice of
+ * cell middles; the symmetric ones go first, because they leave a symmetric shape symmetric. The last ones
+ * reach counts that are no multiple of 2, 4 or 8. */
+static const double offsets[][3] = {{0.5, 0.5, 0.5}, {0, 0.5, 0.5},   {0.5, 0, 0},      {0, 0, 0},
+                                    {0.5, 0, 0.5},   {0.5, 0.5, 0},   {0, 0, 0.5},      {0, 0.5, 0},
+                                    {0.5, 0.5, 0.3}, {0.5, 0.3, 0.2}, {0.4, 0.25, 0.1}, {0.15, 0.35, 0.45}};
+
+typedef struct lattice {
+    double corner[3], step[3][3]; /* site i, j, k is at corner + i step[0] + j step[1] + k step[2] */
+    size_t n[3], sites;
+    double spacing;
+    uint8_t *inside; /* [sites], i fastest: 0 outside, 1 tissue, 2 tissue, already visited */
+    size_t count, strays;
+} lattice;
+
+static void lattice_free(lattice *l) {
+    free(l->inside);
+    memset(l, 0, sizeof *l);
+}
+
+/* Box of the surface in the lattice's frame. */
+static void frame_box(const sphm_filling_task *task, double middle[3], double extent[3]) {
+    const sphm_surface *surface = task->surface;
+    for (int k = 0; k < 3; k++) {
+        double lower = INFINITY, upper = -INFINITY;
+        for (size_t v = 0; v < surface->vertex_count; v++) {
+            double x = sphm_dot3(&surface->vertices[3 * v], task->frame[k]);
+            lower = fmin(lower, x);
+            upper = fmax(upper, x);
+        }
+        middle[k] = 0.5 * (lower + upper);
+        extent[k] = upper - lower;
+    }
+}
+
+static sphm_status lattice_place(const sphm_filling_task *task, double spacing, const double offset[3],
+                                 lattice *l, sphm_context *context) {
+    double middle[3], extent[3], product = 1;
+    memset(l, 0, sizeof *l);
+    l->spacing = spacing;
+    frame_box(task, middle, extent);
+    for (int k = 0; k < 3; k++)
+        product *= extent[k] / spacing + 3;
+    if (!(product < (double)MOST_SITES))
+        return sphm_fail(context, SPHM_REFUSED_GEOMETRY,
+                         "a lattice of %g m over the mesh has %.3g sites; at most %.3g can be handled",
+                         spacing, product, (double)MOST_SITES);
+    l->sites = 1;
+    for (int a = 0; a < 3; a++) {
+        size_t half = (size_t)(0.5 * extent[a] / spacing) + 1;
+        l->n[a] = 2 * half + 1;
+        l->sites *= l->n[a];
+        double start = middle[a] + (offset[a] - (double)half) * spacing;
+        for (int k = 0; k < 3; k++) {
+            l->corner[k] += start * task->frame[a][k];
+            l->step[a][k] = spacing * task->frame[a][k];
+        }
+    }
+    l->inside = calloc(l->sites, 1);
+    if (!l->inside)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for a lattice of %zu sites", l->sites);
+    return SPHM_OK;
+}
+
+static void site_position(const lattice *l, size_t site, double x[3]) {
+    double i = (double)(site % l->n[0]), j = (double)(site / l->n[0] % l->n[1]),
+           k = (double)(site / (l->n[0] * l->n[1]));
+    for (int d = 0; d < 3; d++)
+        x[d] = l->corner[d] + i * l->step[0][d] + j * l->step[1][d] + k * l->step[2][d];
+}
+
+static void lattice_classify(const sphm_filling_task *task, lattice *l) {
+    const int64_t sites = (int64_t)l->sites;
+    (void)task->threads;
+#pragma omp parallel for schedule(dynamic, 1024)
+    for (int64_t s = 0; s < sites; s++) {
+        double x[3];
+        site_position(l, (size_t)s, x);
+        l->inside[s] = sphm_winding_number(task->winding, x) > 0.5;
+    }
+}
+
+/* Puts the 26 neighbours of a site that are tissue and unvisited on the stack. The lattice has an empty rim,
+ * so that no neighbour lies beyond it. */
+static size_t visit_neighbours(lattice *l, size_t site, size_t *stack, size_t depth) {
+    for (int k = -1; k <= 1; k++)
+        for (int j = -1; j <= 1; j++)
+            for (int i = -1; i <= 1; i++) {
+                size_t to = site + (size_t)((ptrdiff_t)l->n[0] * ((ptrdiff_t)l->n[1] * k + j) + i);
+                if (l->inside[to] == 1) {
+                    l->inside[to] = 2;
+                    stack[depth++] = to;
+                }
+            }
+    return depth;
+}
+
+/* Sites that hang together with few others (thin flaps of a mesh that the lattice hits here and there) would
+ * be particles floating beside the muscle. */
+static sphm_status drop_strays(lattice *l, sphm_context *context) {
+    size_t total = 0;
+    for (size_t s = 0; s < l->sites; s++)
+        total += l->inside[s];
+    l->count = total;
+    size_t *piece = malloc((total ? total : 1) * sizeof *piece);
+    size_t *stack = malloc((total ? total : 1) * sizeof *stack);
+    if (!piece || !stack) {
+        free(piece);
+        free(stack);
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to sort %zu lattice sites", total);
+    }
+    for (size_t s = 0; s < l->sites; s++) {
+        if (l->inside[s] != 1)
+            continue;
+        size_t size = 0, depth = 1;
+        stack[0] = s;
+        l->inside[s] = 2;
+        while (depth > 0) {
+            size_t site = stack[--depth];
+            piece[size++] = site;
+            depth = visit_neighbours(l, site, stack, depth);
+        }
+        if ((double)size < STRAY_SHARE * (double)total) {
+            l->strays += size;
+            for (size_t p = 0; p < size; p++)
+                l->inside[piece[p]] = 0;
+        }
+    }
+    l->count = total - l->strays;
+    free(piece);
+    free(stack);
+    return SPHM_OK;
+}
+
+static void clear_rim(lattice *l) {
+    for (size_t s = 0; s < l->sites; s++) {
+        size_t i = s % l->n[0], j = s / l->n[0] % l->n[1], k = s / (l->n[0] * l->n[1]);
+        if (i == 0 || j == 0 || k == 0 || i == l->n[0] - 1 || j == l->n[1] - 1 || k == l->n[2] - 1)
+            l->inside[s] = 0;
+    }
+}
+
+static sphm_status lattice_fill(const sphm_filling_task *task, double spacing, const double offset[3],
+                                lattice *l, sphm_context *context) {
+    sphm_status status = lattice_place(task, spacing, offset, l, context);
+    if (status != SPHM_OK)
+        return status;
+    lattice_classify(task, l);
+    clear_rim(l);
+    status = drop_strays(l, context);
+    if (status != SPHM_OK)
+        lattice_free(l);
+    return status;
+}
+
+static double misfit(const lattice *l, int64_t particles) {
+    return fabs((double)l->count - (double)particles) / (double)particles;
+}
+
+/* Improves `best` by fillings with one offset: the count goes like spacing^-3, so the next guess is
+ * s (n/N)^(1/3), kept between the spacings that gave too many and too few. */
+static sphm_status search_spacing(const sphm_filling_task *task, const double offset[3], lattice *best,
+                                  sphm_context *context) {
+    double spacing = cbrt(task->volume_m3 / (double)task->particles), many = 0, few = INFINITY;
+    for (int attempt = 0; attempt < ATTEMPTS_PER_OFFSET; attempt++) {
+        lattice l;
+        sphm_status status = lattice_fill(task, spacing, offset, &l, context);
+        if (status != SPHM_OK)
+            return status;
+        double ratio = (double)l.count / (double)task->particles;
+        if (ratio >= 1)
+            many = fmax(many, spacing);
+        else
+            few = fmin(few, spacing);
+        if (!best->inside || misfit(&l, task->particles) < misfit(best, task->particles)) {
+            lattice_free(best);
+            *best = l;
+        } else {
+            lattice_free(&l);
+        }
+        if (misfit(best, task->particles) <= GOOD_ENOUGH)
+            break;
+        spacing *= ratio > 0 ? cbrt(ratio) : 0.7;
+        if (!(spacing > many && spacing < few))
+            spacing = few < INFINITY ? 0.5 * (many + few) : 1.02 * many;
+    }
+    return SPHM_OK;
+}
+
+/* Turns the lattice's tissue sites into particles, in the order of the sites. */
+static sphm_status take_particles(const lattice *l, sphm_filling *filling, sphm_context *context) {
+    filling->positions = malloc(3 * l->count * sizeof *filling->positions);
+    filling->outer = malloc(l->count);
+    if (!filling->positions || !filling->outer) {
+        sphm_filling_free(filling);
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for %zu particles", l->count);
+    }
+    size_t stride[3] = {1, l->n[0], l->n[0] * l->n[1]};
+    for (size_t s = 0; s < l->sites; s++) {
+        if (!l->inside[s])
+            continue;
+        site_position(l, s, &filling->positions[3 * filling->count]);
+        uint8_t outer = 0;
+        for (int a = 0; a < 3; a++)
+            outer |= !l->inside[s - stride[a]] || !l->inside[s + stride[a]];
+        filling->outer[filling->count++] = outer;
+    }
+    filling->spacing_m = l->spacing;
+    filling->strays = l->strays;
+    return SPHM_OK;
+}
+
+sphm_status sphm_filling_create(const sphm_filling_task *task, sphm_filling *filling, sphm_context *context) {
+    lattice best;
+    memset(&best, 0, sizeof best);
+    memset(filling, 0, sizeof *filling);
+    for (size_t o = 0; o < sizeof offsets / sizeof offsets[0]; o++) {
+        sphm_status status = search_spacing(task, offsets[o], &best, context);
+        if (status != SPHM_OK) {
+            lattice_free(&best);
+            return status;
+        }
+        if (misfit(&best, task->particles) <= SPHM_COUNT_TOLERANCE)
+            break;
+    }
+    sphm_status status;
+    if (misfit(&best, task->particles) <= SPHM_COUNT_TOLERANCE)
+        status = take_particles(&best, filling, context);
+    else
+        status =
+            sphm_fail(context, SPHM_REFUSED_GEOMETRY,
+                      "particles: %lld cannot be met within %g %%; the nearest filling of this shape has "
+                      "%zu particles",
+                      (long long)task->particles, 100 * SPHM_COUNT_TOLERANCE, best.count);
+    lattice_free(&best);
+    return status;
+}
+
+void sphm_filling_free(sphm_filling *filling) {
+    free(filling->positions);
+    free(filling->outer);
+    memset(filling, 0, sizeof *filling);
+}

@@ -1,0 +1,46 @@
+/* Filling a closed-ish surface with particles on a lattice. */
+#ifndef SPHM_CORE_FILLING_H
+#define SPHM_CORE_FILLING_H
+
+#include "core/winding.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The count asked for is met within this share. */
+#define SPHM_COUNT_TOLERANCE 0.01
+
+/* What to fill and how. `frame` holds the lattice's directions in its rows (orthonormal). */
+typedef struct sphm_filling_task {
+    const sphm_surface *surface;
+    const sphm_winding *winding;
+    double volume_m3;
+    double frame[3][3];
+    int64_t particles; /* asked for */
+    int threads;       /* 0: all; no influence on the result */
+} sphm_filling_task;
+
+typedef struct sphm_filling {
+    size_t count;
+    double spacing_m;
+    double *positions; /* [3 * count] */
+    uint8_t *outer;    /* [count], 1 where one of the six lattice neighbours is missing */
+    size_t strays;     /* lattice sites inside, but apart from the rest, left out */
+} sphm_filling;
+
+/* A lattice whose spacing is such that the count is met. Refuses (SPHM_REFUSED_GEOMETRY) a count that no
+ * spacing and no offset of the lattice meets, naming the nearest one found. */
+sphm_status sphm_filling_create(const sphm_filling_task *task, sphm_filling *filling, sphm_context *context);
+/* A box centred on the origin, along x, y, z, filled by nx ny nz particles in the middles of equal cells. */
+sphm_status sphm_filling_create_bar(const double side_m[3], int64_t particles, sphm_filling *filling,
+                                    sphm_context *context);
+/* Moves every particle by up to `jitter` spacings in each direction of x, y, z; where that would lead out of
+ * the surface the particle is moved otherwise or not at all. */
+void sphm_filling_jitter(sphm_filling *filling, const sphm_winding *winding, double jitter, uint64_t seed);
+void sphm_filling_free(sphm_filling *filling);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

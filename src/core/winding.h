@@ -1,0 +1,26 @@
+/* Generalized winding number of a triangle surface: 1 inside, 0 outside, and in between where the surface has
+ * holes. Built once, read only afterwards, any number of threads may ask. */
+#ifndef SPHM_CORE_WINDING_H
+#define SPHM_CORE_WINDING_H
+
+#include "sph_muscle/geometry.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_winding sphm_winding;
+
+/* Borrows `surface`, which must outlive the tree. */
+sphm_status sphm_winding_create(const sphm_surface *surface, sphm_winding **winding, sphm_context *context);
+void sphm_winding_destroy(sphm_winding *winding); /* NULL is fine */
+
+/* By the tree: within 0.01 of the exact sum (measured: test/winding_test.cpp). */
+double sphm_winding_number(const sphm_winding *winding, const double point[3]);
+/* The plain sum over all triangles, for checking. */
+double sphm_winding_number_exact(const sphm_surface *surface, const double point[3]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
