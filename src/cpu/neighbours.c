@@ -1,0 +1,189 @@
+/* Neighbour rows from the cell grid: count, lay out, fill. Reads positions, writes rows. Both passes run over
+ * blocks in parallel; each row depends on nothing but the grid, so rows are the same for any thread count. */
+#include "cpu/neighbours.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/context.h"
+#include "cpu/parallel.h"
+
+typedef struct search {
+    const sphm_grid *grid;
+    const sphm_real *x, *y, *z;
+    const sphm_real *position[3]; /* along the grid's axes */
+    sphm_real radius_squared;
+    int reach; /* cells to look at on either side */
+} search;
+
+void sphm_neighbours_free(sphm_neighbours *rows) {
+    free(rows->row_start);
+    free(rows->row_count);
+    free(rows->slot);
+    memset(rows, 0, sizeof *rows);
+}
+
+static int clamp_cell(const sphm_grid *grid, int d, int index) {
+    return index < 0 ? 0 : index < grid->size[d] ? index : grid->size[d] - 1;
+}
+
+static int cell_of(const search *s, int d, size_t slot) {
+    const sphm_grid *grid = s->grid;
+    return clamp_cell(grid, d, (int)(((double)s->position[d][slot] - grid->lower[d]) / grid->edge));
+}
+
+/* Appends to `row` the slots begin ... end - 1 within the radius, without branches: the write position moves
+ * on only past slots that count. */
+static int32_t *append_run(const search *s, size_t slot, int32_t begin, int32_t end, int32_t *row) {
+    const sphm_real xi = s->x[slot], yi = s->y[slot], zi = s->z[slot];
+    for (int32_t j = begin; j < end; ++j) {
+        const sphm_real dx = xi - s->x[j], dy = yi - s->y[j], dz = zi - s->z[j];
+        const int near = dx * dx + dy * dy + dz * dz <= s->radius_squared;
+        *row = j;
+        row += near & (j != (int32_t)slot);
+    }
+    return row;
+}
+
+static int32_t count_run(const search *s, size_t slot, int32_t begin, int32_t end) {
+    const sphm_real xi = s->x[slot], yi = s->y[slot], zi = s->z[slot];
+    int32_t count = 0;
+    for (int32_t j = begin; j < end; ++j) {
+        const sphm_real dx = xi - s->x[j], dy = yi - s->y[j], dz = zi - s->z[j];
+        count += dx * dx + dy * dy + dz * dz <= s->radius_squared;
+    }
+    return count;
+}
+
+/* Visits the runs of slots around a particle in ascending order; cells of a line along the fast axis are one
+ * run. With row == NULL counts, itself included; else appends and returns how many. */
+static int32_t visit(const search *s, size_t slot, int32_t *row) {
+    const sphm_grid *grid = s->grid;
+    const int slow = cell_of(s, 0, slot), middle = cell_of(s, 1, slot), fast = cell_of(s, 2, slot);
+    const int fast_low = clamp_cell(grid, 2, fast - s->reach),
+              fast_high = clamp_cell(grid, 2, fast + s->reach);
+    int32_t count = 0;
+    int32_t *end = row;
+    for (int a = clamp_cell(grid, 0, slow - s->reach); a <= clamp_cell(grid, 0, slow + s->reach); ++a)
+        for (int b = clamp_cell(grid, 1, middle - s->reach); b <= clamp_cell(grid, 1, middle + s->reach);
+             ++b) {
+            const size_t line = ((size_t)a * (size_t)grid->size[1] + (size_t)b) * (size_t)grid->size[2];
+            const int32_t first = grid->start[line + (size_t)fast_low];
+            const int32_t last = grid->start[line + (size_t)fast_high + 1];
+            if (row)
+                end = append_run(s, slot, first, last, end);
+            else
+                count += count_run(s, slot, first, last);
+        }
+    return row ? (int32_t)(end - row) : count;
+}
+
+static sphm_status reserve_rows(sphm_neighbours *rows, size_t count, sphm_context *context) {
+    if (rows->row_start && rows->count == count)
+        return SPHM_OK;
+    sphm_neighbours_free(rows);
+    rows->row_start = (size_t *)malloc((count + 1) * sizeof *rows->row_start);
+    rows->row_count = (int32_t *)malloc(count * sizeof *rows->row_count);
+    if (!rows->row_start || !rows->row_count) {
+        sphm_neighbours_free(rows);
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the neighbour rows of %zu particles",
+                         count);
+    }
+    rows->count = count;
+    return SPHM_OK;
+}
+
+/* Rows start on a cache line. */
+static sphm_status reserve_slots(sphm_neighbours *rows, size_t slots, sphm_context *context) {
+    if (slots <= rows->capacity)
+        return SPHM_OK;
+    const size_t wanted = slots + slots / 32; /* the muscle deforms: leave room */
+    const size_t capacity = (wanted + SPHM_ROW_ALIGN - 1) / SPHM_ROW_ALIGN * SPHM_ROW_ALIGN;
+    free(rows->slot);
+    rows->slot = (int32_t *)aligned_alloc(64, capacity * sizeof *rows->slot);
+    rows->capacity = rows->slot ? capacity : 0;
+    if (!rows->slot)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for %zu neighbour pairs", capacity);
+    return SPHM_OK;
+}
+
+static void count_rows(sphm_neighbours *rows, const search *s, int threads) {
+    const size_t blocks = sphm_block_count(rows->count);
+    (void)threads;
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (size_t block = 0; block < blocks; ++block)
+        for (size_t slot = sphm_block_begin(block); slot < sphm_block_end(block, rows->count); ++slot)
+            rows->row_count[slot] = visit(s, slot, NULL) - 1;
+}
+
+/* append_run() may write one slot past a full row. Inside a block the next row, filled later by the same
+ * thread, mends that; the last row of a block gets room for it, as its successor belongs to another thread.
+ */
+static size_t lay_out_rows(sphm_neighbours *rows) {
+    size_t next = 0;
+    for (size_t slot = 0; slot < rows->count; ++slot) {
+        const size_t spare = (slot + 1) % SPHM_BLOCK == 0 || slot + 1 == rows->count;
+        const size_t length = (size_t)rows->row_count[slot] + spare;
+        rows->row_start[slot] = next;
+        next += (length + SPHM_ROW_ALIGN - 1) / SPHM_ROW_ALIGN * SPHM_ROW_ALIGN;
+    }
+    rows->row_start[rows->count] = next;
+    return next;
+}
+
+static void fill_rows(sphm_neighbours *rows, const search *s, int threads) {
+    const size_t blocks = sphm_block_count(rows->count);
+    (void)threads;
+#pragma omp parallel for num_threads(threads) schedule(static)
+    for (size_t block = 0; block < blocks; ++block) {
+        const size_t begin = sphm_block_begin(block), end = sphm_block_end(block, rows->count);
+        for (size_t slot = begin; slot < end; ++slot) {
+            int32_t *row = rows->slot + rows->row_start[slot];
+            (void)visit(s, slot, row);
+            int32_t *brim = rows->slot + rows->row_start[slot + 1];
+            for (int32_t *pad = row + rows->row_count[slot]; pad < brim; ++pad)
+                *pad = (int32_t)slot;
+        }
+    }
+}
+
+sphm_status sphm_neighbours_build(sphm_neighbours *rows, const sphm_grid *grid, const sphm_real *x,
+                                  const sphm_real *y, const sphm_real *z, size_t count, double radius_m,
+                                  int threads, sphm_context *context) {
+    const sphm_real *const position[3] = {x, y, z};
+    search s;
+    s.grid = grid;
+    s.x = x;
+    s.y = y;
+    s.z = z;
+    for (int d = 0; d < 3; ++d)
+        s.position[d] = position[grid->axis[d]];
+    s.radius_squared = (sphm_real)(radius_m * radius_m);
+    s.reach = (int)ceil(radius_m / grid->edge);
+
+    sphm_status status = reserve_rows(rows, count, context);
+    if (status != SPHM_OK)
+        return status;
+    count_rows(rows, &s, threads);
+    status = reserve_slots(rows, lay_out_rows(rows), context);
+    if (status != SPHM_OK)
+        return status;
+    fill_rows(rows, &s, threads);
+    return SPHM_OK;
+}
+
+size_t sphm_neighbours_count_within(const sphm_neighbours *rows, const sphm_real *x, const sphm_real *y,
+                                    const sphm_real *z, double radius_m) {
+    const sphm_real radius_squared = (sphm_real)(radius_m * radius_m);
+    size_t pairs = 0;
+    for (size_t slot = 0; slot < rows->count; ++slot) {
+        const int32_t *row = rows->slot + rows->row_start[slot];
+        for (int32_t k = 0; k < rows->row_count[slot]; ++k) {
+            const int32_t j = row[k];
+            const sphm_real dx = x[slot] - x[j], dy = y[slot] - y[j], dz = z[slot] - z[j];
+            pairs += dx * dx + dy * dy + dz * dz <= radius_squared;
+        }
+    }
+    return pairs;
+}
