@@ -1,0 +1,273 @@
+#include "simulation.h"
+
+#include <cmath>
+#include <utility>
+
+namespace sph_muscle {
+namespace {
+
+constexpr std::size_t max_queued_commands = 1000;
+constexpr auto republish_period = std::chrono::milliseconds(500);
+
+} // namespace
+
+Simulation::Simulation(sphm_muscle *muscle, double rate_Hz, sphm_context *context)
+    : muscle_(muscle), tick_s_(1 / rate_Hz), context_(context), schedule_(1 / rate_Hz) {}
+
+Simulation::~Simulation() {
+    stop();
+}
+
+void Simulation::start(Listener listener) {
+    listener_ = std::move(listener);
+    thread_ = std::thread(&Simulation::run, this);
+}
+
+void Simulation::stop() {
+    {
+        std::lock_guard<std::mutex> lock(mutex_);
+        stopping_ = true;
+    }
+    wake_.notify_all();
+    if (thread_.joinable())
+        thread_.join();
+    // Whoever still waits for an answer sees a broken promise.
+    std::lock_guard<std::mutex> lock(mutex_);
+    commands_.clear();
+    stepping_done_ = nullptr;
+}
+
+// Commands ------------------------------------------------------------------------------------------------
+
+bool Simulation::post(Command command) {
+    {
+        std::lock_guard<std::mutex> lock(mutex_);
+        if (stopping_ || commands_.size() >= max_queued_commands)
+            return false;
+        commands_.push_back(std::move(command));
+    }
+    wake_.notify_all();
+    return true;
+}
+
+bool Simulation::call(const Command &command) {
+    auto done = std::make_shared<std::promise<void>>();
+    std::future<void> answer = done->get_future();
+    const bool posted = post([command, done] {
+        command();
+        done->set_value();
+    });
+    if (!posted)
+        return false;
+    done.reset(); // so that a dropped command breaks the promise
+    try {
+        answer.get();
+        return true;
+    } catch (const std::future_error &) {
+        return false;
+    }
+}
+
+bool Simulation::step(uint64_t ticks, std::string *message) {
+    auto done = std::make_shared<std::promise<std::string>>();
+    std::future<std::string> answer = done->get_future();
+    const bool posted = post([this, ticks, done] {
+        if (failed()) {
+            done->set_value("the muscle has stopped (" + failure_ + "); reset it first");
+        } else if (!paused_) {
+            done->set_value("the muscle is running; pause it first");
+        } else if (ticks_to_step_ > 0) {
+            done->set_value("another step is under way");
+        } else if (ticks == 0) {
+            done->set_value("");
+        } else {
+            ticks_to_step_ = ticks;
+            stepping_done_ = [done](const std::string &problem) { done->set_value(problem); };
+        }
+    });
+    *message = "the node is busy or shutting down";
+    if (!posted)
+        return false;
+    done.reset();
+    try {
+        *message = answer.get();
+        return message->empty();
+    } catch (const std::future_error &) {
+        return false;
+    }
+}
+
+void Simulation::request_publish() {
+    {
+        std::lock_guard<std::mutex> lock(mutex_);
+        publish_requested_ = true;
+    }
+    wake_.notify_all();
+}
+
+Health Simulation::health() const {
+    std::lock_guard<std::mutex> lock(mutex_);
+    return health_;
+}
+
+// The thread ----------------------------------------------------------------------------------------------
+
+void Simulation::run() {
+    schedule_.restart(WallClock::now());
+    real_time_factor_.restart(WallClock::now(), sphm_muscle_time(muscle()));
+    for (;;) {
+        {
+            std::lock_guard<std::mutex> lock(mutex_);
+            if (stopping_)
+                return;
+        }
+        do_commands();
+        if (!ticking()) {
+            rest();
+            continue;
+        }
+        if (slices_left_ == 0) {
+            if (!wait_until_due())
+                continue;
+            begin_tick();
+        }
+        advance_slice();
+        if (slices_left_ == 0 && !failed())
+            end_tick();
+    }
+}
+
+void Simulation::do_commands() {
+    std::deque<Command> commands;
+    {
+        std::lock_guard<std::mutex> lock(mutex_);
+        commands.swap(commands_);
+    }
+    for (Command &command : commands) {
+        command();
+        command = nullptr;
+    }
+}
+
+bool Simulation::wait_until_due() {
+    if (paused_)
+        return true; // stepping does not keep to the wall clock
+    std::unique_lock<std::mutex> lock(mutex_);
+    return !wake_.wait_until(lock, schedule_.due(), [this] { return stopping_ || !commands_.empty(); });
+}
+
+// Nothing moves. What is shown is sent again now and then, and at once to somebody new, so that an rviz
+// opened now has a muscle to show. (A latched topic would not do: nothing is published while nobody listens.)
+void Simulation::rest() {
+    refresh_health();
+    bool woken;
+    {
+        std::unique_lock<std::mutex> lock(mutex_);
+        woken = wake_.wait_for(lock, republish_period,
+                               [this] { return stopping_ || publish_requested_ || !commands_.empty(); });
+        if (stopping_ || (woken && !publish_requested_))
+            return;
+        publish_requested_ = false;
+    }
+    listener_.publish(true);
+}
+
+void Simulation::begin_tick() {
+    tick_began_ = WallClock::now();
+    const double slices = std::ceil(tick_s_ / sphm_muscle_time_step(muscle()) - 1e-9);
+    slices_left_ = std::isfinite(slices) && slices > 1 ? static_cast<uint64_t>(std::min(slices, 1e9)) : 1;
+    slice_s_ = tick_s_ / static_cast<double>(slices_left_);
+}
+
+void Simulation::advance_slice() {
+    const uint64_t steps = sphm_muscle_steps(muscle());
+    const WallTime began = WallClock::now();
+    const sphm_status status = sphm_muscle_advance(muscle(), slice_s_, context_);
+    if (status != SPHM_OK) {
+        fail(status);
+        return;
+    }
+    const uint64_t taken = sphm_muscle_steps(muscle()) - steps;
+    if (taken > 0)
+        step_times_s_.add(seconds(WallClock::now() - began) / static_cast<double>(taken));
+    --slices_left_;
+}
+
+void Simulation::end_tick() {
+    ++ticks_;
+    if (ticks_to_step_ > 0) {
+        --ticks_to_step_;
+        listener_.publish(true);
+        if (ticks_to_step_ == 0)
+            end_stepping("");
+    } else {
+        real_time_factor_.add(WallClock::now(), sphm_muscle_time(muscle()));
+        listener_.publish(false);
+        if (schedule_.finish(WallClock::now()))
+            ++overruns_;
+    }
+    tick_times_s_.add(seconds(WallClock::now() - tick_began_));
+    if (WallClock::now() - health_refreshed_ > std::chrono::milliseconds(500))
+        refresh_health();
+}
+
+void Simulation::fail(sphm_status status) {
+    slices_left_ = 0;
+    failure_ = context_->message[0] != '\0' ? context_->message : sphm_status_name(status);
+    end_stepping("the muscle has stopped: " + failure_);
+    refresh_health();
+    listener_.failed(failure_);
+    listener_.publish(true);
+}
+
+void Simulation::end_stepping(const std::string &problem) {
+    ticks_to_step_ = 0;
+    if (stepping_done_)
+        stepping_done_(problem);
+    stepping_done_ = nullptr;
+}
+
+void Simulation::set_paused(bool paused) {
+    if (paused == paused_ && ticks_to_step_ == 0)
+        return;
+    end_stepping("interrupted by the service pause");
+    paused_ = paused;
+    slices_left_ = 0; // the rest of the tick that was under way is dropped
+    schedule_.restart(WallClock::now());
+    real_time_factor_.restart(WallClock::now(), sphm_muscle_time(muscle()));
+    refresh_health();
+    listener_.publish(true);
+}
+
+void Simulation::state_replaced() {
+    end_stepping("interrupted by a reset or a restored snapshot");
+    failure_.clear();
+    slices_left_ = 0;
+    schedule_.restart(WallClock::now());
+    real_time_factor_.restart(WallClock::now(), sphm_muscle_time(muscle()));
+    refresh_health();
+    listener_.publish(true);
+}
+
+void Simulation::refresh_health() {
+    sphm_observation observation{};
+    sphm_muscle_observe(muscle(), &observation, nullptr);
+    Health fresh;
+    fresh.paused = paused_;
+    fresh.failed = failed();
+    fresh.failure = failure_;
+    fresh.simulated_time_s = sphm_muscle_time(muscle());
+    fresh.real_time_factor = real_time_factor();
+    fresh.tick_p99_s = tick_times_s_.percentile(0.99);
+    fresh.step_p99_s = step_times_s_.percentile(0.99);
+    fresh.volume_ratio = observation.volume_ratio;
+    fresh.ticks = ticks_;
+    fresh.overruns = overruns_;
+    fresh.steps = sphm_muscle_steps(muscle());
+    fresh.nonfinite = observation.nonfinite;
+    health_refreshed_ = WallClock::now();
+    std::lock_guard<std::mutex> lock(mutex_);
+    health_ = fresh;
+}
+
+} // namespace sph_muscle

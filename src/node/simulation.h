@@ -1,0 +1,108 @@
+// The muscle on a thread of its own.
+//
+// The thread advances the muscle in ticks of 1/rate simulated seconds, each cut into slices of about one
+// integration step, and between slices does what others have queued. So nobody waits for a whole tick, and
+// the muscle belongs to one thread. Which slices a tick has depends on the muscle alone, never on the wall
+// clock: two runs with the same commands at the same simulated times are alike.
+#ifndef SPH_MUSCLE_NODE_SIMULATION_H
+#define SPH_MUSCLE_NODE_SIMULATION_H
+
+#include "pace.h"
+
+#include "sph_muscle/muscle.h"
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+namespace sph_muscle {
+
+// A copy of what the thread knows about itself; for diagnostics.
+struct Health {
+    bool paused = false, failed = false;
+    std::string failure;
+    double simulated_time_s = 0, real_time_factor = 0, tick_p99_s = 0, step_p99_s = 0, volume_ratio = 1;
+    uint64_t ticks = 0, overruns = 0, steps = 0, nonfinite = 0;
+};
+
+class Simulation {
+  public:
+    using Command = std::function<void()>;
+    struct Listener {
+        std::function<void(bool all)> publish; // after a tick; all: publish even what is thinned out
+        std::function<void(const std::string &)> failed; // the muscle stopped, and why
+    };
+
+    // Takes over the muscle. `context` must outlive the object; only its thread uses it from start() on.
+    Simulation(sphm_muscle *muscle, double rate_Hz, sphm_context *context);
+    ~Simulation();
+    void start(Listener listener);
+    void stop();
+
+    // From any thread -----------------------------------------------------------------------------------
+    // Queues a command for the thread. False when it is full: commands came faster than slices end.
+    bool post(Command command);
+    // Queues it and waits until it is done. False when the simulation stops before that.
+    bool call(const Command &command);
+    // Runs `ticks` ticks of a paused muscle and waits for them. False with a message when refused,
+    // interrupted by reset, restore or resume, or when the muscle failed.
+    bool step(uint64_t ticks, std::string *message);
+    void request_publish(); // for a listener that came while nothing moves
+    Health health() const;
+
+    // On the thread, that is inside commands and the listener -------------------------------------------
+    sphm_muscle *muscle() const { return muscle_.get(); }
+    bool paused() const { return paused_; }
+    bool failed() const { return !failure_.empty(); }
+    double real_time_factor() const { return paused_ || failed() ? 0 : real_time_factor_.value(); }
+    void set_paused(bool paused);
+    void state_replaced(); // after a reset or a restored snapshot: healthy again, a new tick begins
+
+  private:
+    struct DestroyMuscle {
+        void operator()(sphm_muscle *muscle) const { sphm_muscle_destroy(muscle); }
+    };
+
+    void run();
+    void do_commands();
+    bool ticking() const { return !failed() && (!paused_ || ticks_to_step_ > 0); }
+    bool wait_until_due(); // false if woken early
+    void rest();
+    void begin_tick();
+    void advance_slice();
+    void end_tick();
+    void fail(sphm_status status);
+    void end_stepping(const std::string &problem);
+    void refresh_health();
+
+    std::unique_ptr<sphm_muscle, DestroyMuscle> muscle_;
+    const double tick_s_;
+    sphm_context *context_;
+    Listener listener_;
+    std::thread thread_;
+
+    mutable std::mutex mutex_; // guards the next five
+    std::condition_variable wake_;
+    std::deque<Command> commands_;
+    bool stopping_ = false, publish_requested_ = false;
+    Health health_;
+
+    // The thread's own.
+    bool paused_ = false;
+    std::string failure_;
+    uint64_t ticks_to_step_ = 0, slices_left_ = 0, ticks_ = 0, overruns_ = 0;
+    double slice_s_ = 0;
+    std::function<void(const std::string &)> stepping_done_;
+    WallTime tick_began_, health_refreshed_;
+    Schedule schedule_;
+    RealTimeFactor real_time_factor_;
+    RecentValues tick_times_s_{600}, step_times_s_{2000};
+};
+
+} // namespace sph_muscle
+#endif
