@@ -43,6 +43,26 @@ SPHM_FN void sphm_jacobi_rotate4(double a[4][4], double v[4][4], int p, int q) {
     }
 }
 
+/* Eigenvalues on the diagonal of `a`, eigenvectors in the columns of `v`, of the leading size x size block
+ * (size 3 or 4) of the symmetric matrix `a`, whose entries should be of order one. Cyclic Jacobi converges
+ * quadratically: five sweeps reach rounding, and the bound on them holds for NaN too. */
+SPHM_FN void sphm_symmetric_eigen(double a[4][4], double v[4][4], int size) {
+    for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < 4; ++j)
+            v[i][j] = i == j;
+    for (int sweep = 0; sweep < 12; ++sweep) {
+        double off = 0;
+        for (int p = 0; p + 1 < size; ++p)
+            for (int q = p + 1; q < size; ++q)
+                off += a[p][q] * a[p][q];
+        if (off < 1e-40)
+            break;
+        for (int p = 0; p + 1 < size; ++p)
+            for (int q = p + 1; q < size; ++q)
+                sphm_jacobi_rotate4(a, v, p, q);
+    }
+}
+
 /* The rotation that carries a rest shape best: r maximises tr(r^T a) for the moment matrix
  * a = sum m (x - x0) (X - X0)^T, current times rest. Where a has full rank and a positive determinant this is
  * the r of the polar decomposition a = r s.
@@ -66,20 +86,8 @@ SPHM_FN void sphm_best_rotation(const double a[9], double r[9]) {
                       {xy - yx, zx + xz, yz + zy, zz - xx - yy}};
     for (int i = 0; i < 16; ++i) /* after the differences, which are exactly 0 for a symmetric matrix */
         n[i / 4][i % 4] *= scale;
-    double v[4][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
-
-    /* Cyclic Jacobi converges quadratically; five sweeps reach rounding, the bound holds for NaN too. */
-    for (int sweep = 0; sweep < 12; ++sweep) {
-        double off = 0;
-        for (int p = 0; p < 3; ++p)
-            for (int q = p + 1; q < 4; ++q)
-                off += n[p][q] * n[p][q];
-        if (off < 1e-40)
-            break;
-        for (int p = 0; p < 3; ++p)
-            for (int q = p + 1; q < 4; ++q)
-                sphm_jacobi_rotate4(n, v, p, q);
-    }
+    double v[4][4];
+    sphm_symmetric_eigen(n, v, 4);
 
     int best = 0;
     for (int i = 1; i < 4; ++i)
