@@ -24,8 +24,9 @@ static sphm_status reserve(sphm_diffusion *d, size_t particles, size_t pairs, sp
     if (pairs > d->capacity) {
         free(d->weight);
         d->capacity = 0;
-        const size_t capacity = pairs + pairs / 8; /* lists vary in length while the tissue deforms */
-        d->weight = malloc(capacity * sizeof *d->weight);
+        /* Some more than now: lists vary in length while the tissue deforms. Whole cache lines. */
+        const size_t capacity = (pairs + pairs / 8 + SPHM_ROW_ALIGN) / SPHM_ROW_ALIGN * SPHM_ROW_ALIGN;
+        d->weight = aligned_alloc(64, capacity * sizeof *d->weight);
         if (!d->weight)
             return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for %zu diffusion weights", capacity);
         d->capacity = capacity;
@@ -164,7 +165,7 @@ static build prepare(const sphm_diffusion *d, const sphm_neighbours *n, const sp
 }
 
 sphm_status sphm_diffusion_build(sphm_diffusion *d, const sphm_neighbours *n, const sphm_diffusion_input *in,
-                                 sphm_context *context) {
+                                 int threads, sphm_context *context) {
     const sphm_status status = reserve(d, n->count, n->row_start[n->count], context);
     if (status != SPHM_OK)
         return status;
@@ -172,7 +173,10 @@ sphm_status sphm_diffusion_build(sphm_diffusion *d, const sphm_neighbours *n, co
     const size_t blocks = (n->count + BLOCK - 1) / BLOCK;
     size_t fallbacks = 0, negative = 0;
     double bound = 0;
-#pragma omp parallel
+#ifndef _OPENMP
+    (void)threads;
+#endif
+#pragma omp parallel num_threads(threads)
     {
 #pragma omp for schedule(static) reduction(+ : fallbacks)
         for (size_t b = 0; b < blocks; b++)

@@ -33,10 +33,11 @@ typedef struct sphm_diffusion {
     size_t negative;       /* pairs with a negative weight (counted from both sides) */
 } sphm_diffusion;
 
-/* A zeroed struct is an empty one. Builds the weights anew; grows the arrays where they are too short. On
- * anything but SPHM_OK (out of memory) the old weights are gone. */
+/* A zeroed struct is an empty one. Builds the weights anew with `threads` threads (at least 1; the result is
+ * bitwise the same for any number); grows the arrays where they are too short. On anything but SPHM_OK (out
+ * of memory) the old weights are gone. */
 sphm_status sphm_diffusion_build(sphm_diffusion *diffusion, const sphm_neighbours *neighbours,
-                                 const sphm_diffusion_input *input, sphm_context *context);
+                                 const sphm_diffusion_input *input, int threads, sphm_context *context);
 void sphm_diffusion_free(sphm_diffusion *diffusion);
 
 #ifdef __cplusplus

@@ -5,13 +5,10 @@
  * sub-steps are joined, so that n sub-steps cost n gathers over the pairs and n + 1 cell sweeps. Beside the
  * gather the cell sweep costs next to nothing. */
 #include "cpu/membrane.h"
+#include "cpu/parallel.h"
 
 #include <math.h>
-#include <time.h>
 
-/* Particles per unit of work. Fixed, so that a particle meets the same instructions whatever the number of
- * threads. */
-enum { BLOCK = 1024 };
 /* Share of the stable step of the diffusion that is used: at the very limit the shortest wave is undamped. */
 static const double diffusion_share = 0.9;
 
@@ -21,12 +18,6 @@ typedef struct drive_table {
     int anything;
     sphm_real current[MASKS], lower[MASKS], upper[MASKS];
 } drive_table;
-
-static double now_s(void) {
-    struct timespec t;
-    timespec_get(&t, TIME_UTC);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static drive_table tabulate(const sphm_membrane_constants *c, const sphm_drive *drive) {
     drive_table table;
@@ -121,51 +112,52 @@ size_t sphm_membrane_substeps(const sphm_membrane_constants *constants, const sp
     return substeps > 1 ? (size_t)substeps : 1;
 }
 
-static size_t block_end(size_t block, size_t count) {
-    return (block + 1) * BLOCK < count ? (block + 1) * BLOCK : count;
-}
-
 /* One cell sweep over all particles; the last one of a step also filters the activation over step_ms. */
 static void react_all(sphm_state *s, const sphm_membrane_constants *c, const drive_table *table,
-                      const sphm_real *from, double reaction_ms, double step_ms, int last) {
-    const size_t blocks = (s->count + BLOCK - 1) / BLOCK;
-#pragma omp parallel for schedule(static)
-    for (size_t b = 0; b < blocks; b++) {
-        const size_t begin = b * BLOCK, end = block_end(b, s->count);
+                      const sphm_real *from, double reaction_ms, double step_ms, int last, int threads) {
+#ifndef _OPENMP
+    (void)threads;
+#endif
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (size_t b = 0; b < sphm_block_count(s->count); b++) {
+        const size_t begin = sphm_block_begin(b), end = sphm_block_end(b, s->count);
         react(s, c, table, from, (sphm_real)reaction_ms, begin, end);
         if (last)
             filter_activation(s, c, step_ms, begin, end);
     }
 }
 
-static void diffuse_all(sphm_state *s, const sphm_neighbours *n, const sphm_diffusion *d, double step_ms) {
-    const size_t blocks = (s->count + BLOCK - 1) / BLOCK;
-#pragma omp parallel for schedule(static)
-    for (size_t b = 0; b < blocks; b++)
-        diffuse(s, n, d->weight, (sphm_real)step_ms, b * BLOCK, block_end(b, s->count));
+static void diffuse_all(sphm_state *s, const sphm_neighbours *n, const sphm_diffusion *d, double step_ms,
+                        int threads) {
+#ifndef _OPENMP
+    (void)threads;
+#endif
+#pragma omp parallel for schedule(static) num_threads(threads)
+    for (size_t b = 0; b < sphm_block_count(s->count); b++)
+        diffuse(s, n, d->weight, (sphm_real)step_ms, sphm_block_begin(b), sphm_block_end(b, s->count));
 }
 
 void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
                             const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
-                            const sphm_drive *drive, double step_s, sphm_timing *timing) {
+                            const sphm_drive *drive, double step_s, int threads, sphm_timing *timing) {
     const double step_ms = step_s * 1e3;
     const size_t substeps = sphm_membrane_substeps(constants, diffusion, step_ms);
     const double dt = step_ms / (double)substeps;
     const drive_table table = tabulate(constants, drive);
-    double t0 = timing ? now_s() : 0, cell_s = 0, diffusion_s = 0;
+    double before = sphm_wall_clock_s(), cell_s = 0, diffusion_s = 0;
 
     const sphm_real *from = state->membrane_potential;
     for (size_t k = 0; k <= substeps; k++) {
         const int last = k == substeps;
-        react_all(state, constants, &table, from, k == 0 || last ? dt / 2 : dt, step_ms, last);
-        const double t1 = timing ? now_s() : 0;
-        cell_s += t1 - t0;
+        react_all(state, constants, &table, from, k == 0 || last ? dt / 2 : dt, step_ms, last, threads);
+        const double between = sphm_wall_clock_s();
+        cell_s += between - before;
         if (last)
             break;
-        diffuse_all(state, neighbours, diffusion, dt);
+        diffuse_all(state, neighbours, diffusion, dt, threads);
         from = state->membrane_next;
-        t0 = timing ? now_s() : 0;
-        diffusion_s += t0 - t1;
+        before = sphm_wall_clock_s();
+        diffusion_s += before - between;
     }
     if (timing) {
         timing->cell_model_s += cell_s;

@@ -18,11 +18,11 @@ extern "C" {
 size_t sphm_membrane_substeps(const sphm_membrane_constants *constants, const sphm_diffusion *diffusion,
                               double step_ms);
 
-/* Advances the membrane by step_s under `drive`. Bitwise the same for any number of threads. `timing` may be
- * NULL; else the wall time is added to its diffusion_s and cell_model_s. */
+/* Advances the membrane by step_s under `drive` with `threads` threads (at least 1; bitwise the same for any
+ * number). `timing` may be NULL; else the wall time is added to its diffusion_s and cell_model_s. */
 void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
                             const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
-                            const sphm_drive *drive, double step_s, sphm_timing *timing);
+                            const sphm_drive *drive, double step_s, int threads, sphm_timing *timing);
 
 #ifdef __cplusplus
 }
