@@ -1,4 +1,6 @@
-# What is installed: by catkin's rules with ROS, else a plain CMake package.
+# What is installed: by catkin's rules with ROS, else a plain CMake package. The scripts are not: they set up and
+# test a source tree.
+#catkin_lint: ignore uninstalled_script
 set(core_targets ${PROJECT_NAME})
 if(TARGET ${PROJECT_NAME}_io)
   list(APPEND core_targets ${PROJECT_NAME}_io)

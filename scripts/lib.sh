@@ -1,0 +1,97 @@
+# Shared by scripts/demo and scripts/test: packages, the ROS environment, builds. Source it with bash.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+build=$root/build
+jobs=$(nproc)
+
+say() { printf '== %s\n' "$*"; }
+die() {
+    printf '%s: %s\n' "$(basename "$0")" "$*" >&2
+    exit 1
+}
+
+# ROS: Debian's own packages in /usr, or a sourced Noetic under /opt/ros ------------------------------------
+
+using_opt_ros() { [[ -n ${ROS_DISTRO:-} && -f /opt/ros/$ROS_DISTRO/setup.bash ]]; }
+
+# Packages by purpose, as Debian 12 names them.
+packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev catkin ros-message-generation
+    libroscpp-dev libstd-msgs-dev libsensor-msgs-dev libgeometry-msgs-dev libvisualization-msgs-dev
+    libstd-srvs-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev ros-std-msgs ros-geometry-msgs"
+packages_run="python3-roslaunch rosout rosbash python3-rostopic python3-rosnode python3-rosservice
+    python3-rosparam python3-rosmsg rospack-tools python3-rospy python3-std-srvs python3-rosbag"
+packages_view="rviz"
+packages_screenshot="rviz xvfb xauth libgl1-mesa-dri imagemagick"
+packages_test="libgtest-dev librostest-dev python3-rostest python3-rosunit python3-sensor-msgs
+    python3-visualization-msgs python3-diagnostic-msgs python3-geometry-msgs catkin-lint catkin-tools
+    clang-format git"
+
+if using_opt_ros; then
+    p=ros-$ROS_DISTRO
+    packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev $p-catkin $p-message-generation
+        $p-roscpp $p-std-msgs $p-sensor-msgs $p-geometry-msgs $p-visualization-msgs $p-std-srvs
+        $p-diagnostic-msgs $p-diagnostic-updater $p-message-runtime"
+    packages_run="$p-roslaunch $p-rosout $p-rosbash $p-rostopic $p-rosnode $p-rosservice $p-rosparam $p-rosmsg
+        $p-rospy $p-rosbag"
+    packages_view="$p-rviz"
+    packages_screenshot="$p-rviz xvfb xauth libgl1-mesa-dri imagemagick"
+    packages_test="libgtest-dev $p-rostest $p-rosunit git"
+fi
+
+installed() { [[ $(dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null) == ii* ]]; }
+
+# Installs what is missing of the given packages; asks apt nothing when nothing is.
+install_packages() {
+    command -v apt-get >/dev/null || die "no apt-get: install by hand: $*"
+    local missing=() as_root=()
+    for package in "$@"; do installed "$package" || missing+=("$package"); done
+    if ((${#missing[@]} == 0)); then
+        say "packages: all $# are installed"
+        return
+    fi
+    if (($(id -u) != 0)); then
+        command -v sudo >/dev/null || die "neither root nor sudo; ask for: apt-get install ${missing[*]}"
+        as_root=(sudo)
+    fi
+    say "packages: installing ${missing[*]}"
+    "${as_root[@]}" apt-get update -q || die "apt-get update failed"
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
+        "${missing[@]}" || die "apt-get could not install: ${missing[*]}"
+}
+
+# A python3 without the ROS modules (pyenv, conda) in front of the system's would be taken by catkin and by
+# every script with "env python3", so the system's comes first.
+ros_environment() {
+    if using_opt_ros; then
+        say "ROS: $ROS_DISTRO from /opt/ros"
+    else
+        export PATH=/usr/bin:$PATH
+        say "ROS: the system's packages in /usr"
+    fi
+    export ROS_HOSTNAME=localhost
+    unset ROS_IP
+    # roslaunch and rostest look localhost up; a minimal root may lack /etc/hosts.
+    getent hosts localhost >/dev/null || die "localhost has no address: add '127.0.0.1 localhost' to /etc/hosts"
+}
+
+# configure FOLDER OPTION...: configures only when FOLDER is new or the options changed, so that a second run
+# is quick.
+configure() {
+    local folder=$1
+    shift
+    if [[ ! -f $folder/CMakeCache.txt || $(cat "$folder/.options" 2>/dev/null) != "$*" ]]; then
+        mkdir -p "$folder"
+        cmake -S "$root" -B "$folder" "$@" && printf '%s' "$*" >"$folder/.options"
+    fi
+}
+
+# The folder scripts/demo runs from and the rostests are run in.
+ros_options=(-DSPH_MUSCLE_ROS=ON -DSPH_MUSCLE_TESTS=OFF -DCMAKE_BUILD_TYPE=RelWithDebInfo)
+build_ros() { configure "$build/ros" "${ros_options[@]}" && cmake --build "$build/ros" -j "$jobs"; }
+
+source_devel() {
+    # The generated scripts use unset variables.
+    set +u
+    source "$build/ros/devel/setup.bash"
+    set -u
+}
