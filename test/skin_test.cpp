@@ -189,7 +189,7 @@ TEST(PointGrid, FindsTheNearestPoints) {
         std::sort(all.begin(), all.end());
         int32_t found[20];
         double squared[20];
-        const size_t have = sphm_point_grid_nearest(&grid, place, radius, 20, found, squared);
+        const size_t have = sphm_point_grid_closest(&grid, place, radius, 20, found, squared);
         ASSERT_EQ(have, std::min<size_t>(20, all.size()));
         for (size_t k = 0; k < have; ++k)
             ASSERT_EQ(found[k], all[k].second);

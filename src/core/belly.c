@@ -13,13 +13,17 @@
 #define CAP_RINGS 3
 #define BAR_QUADS 1600 /* about, on all six faces */
 
-/* The two muscles are fitted to surfaces of BodyParts3D (FMA37699 and FMA38930): length as the longest side
- * of the bounding box, 263.2 and 442.7 mm; width and thickness as of the widest sections across the principal
- * axis; bow as the sweep of the sections' centroids; the exponent such that the volume is the published one,
- * 139.9 and 432.9 cm3. The muscles lie obliquely in their boxes (long axes of 270 and 443 mm); the side of
- * the box is taken because the paper's lengths are relative to it (parameter paper_units). */
-static const sphm_belly triceps_long_head = {0.2632, 0.044, 0.034, 0.007, 0.012, 3.0549};
-static const sphm_belly vastus_lateralis = {0.4427, 0.0765, 0.044, 0.006, 0.015, 3.2216};
+/* The two muscles are fitted to surfaces of BodyParts3D (FMA37699 and FMA38930), millimetres and cm3:
+ *   length     263.2 and 442.7, the longest side of the bounding box
+ *   volume     139.9 and 432.9, by the exponent
+ *   mid-belly  42 x 29 and 76.5 x 35, the ellipses with the second moments of the sections of the filled
+ *              surfaces; their areas, 957 and 2103 mm2, are the sections' too
+ *   ends       radius 7, the sections near the ends (100 to 250 mm2)
+ *   bow        12 and 15, the sweep of the sections' centroids
+ * The muscles lie obliquely in their boxes and their own long axes measure 270 and 443 mm. The side of the
+ * box is taken as the length because the paper's lengths are relative to it (parameter paper_units). */
+static const sphm_belly triceps_long_head = {0.2632, 0.042, 0.029, 0.007, 0.012, 1.776};
+static const sphm_belly vastus_lateralis = {0.4427, 0.0765, 0.035, 0.007, 0.015, 2.130};
 
 sphm_belly sphm_belly_preset(const sphm_parameters *parameters) {
     if (parameters->preset == SPHM_PRESET_TRICEPS_LONG_HEAD)

@@ -5,6 +5,7 @@
 #include "core/fibres.h"
 #include "core/filling.h"
 #include "core/line_of_action.h"
+#include "core/point_grid.h"
 #include "core/vec3.h"
 #include "core/winding.h"
 
@@ -134,6 +135,26 @@ static void set_support(sphm_body *body, const sphm_parameters *parameters) {
                                                      : parameters->smoothing_ratio * body->spacing_m;
 }
 
+/* Particles without a neighbour within h feel nothing of the others: a support that small is a mistake, but
+ * the paper's shortest one comes near it, so that it is reported and not refused. */
+static sphm_status count_isolated(sphm_body *body, sphm_context *context) {
+    sphm_point_grid grid;
+    sphm_status status =
+        sphm_point_grid_create(body->positions, body->count, body->support_radius_m, &grid, context);
+    if (status != SPHM_OK)
+        return status;
+    for (size_t p = 0; p < body->count; p++)
+        body->isolated +=
+            sphm_point_grid_within(&grid, &body->positions[3 * p], body->support_radius_m, NULL, 0) < 2;
+    sphm_point_grid_free(&grid);
+    if (body->isolated > 0)
+        sphm_log(
+            context, SPHM_LOG_WARNING,
+            "%zu of %zu particles have no neighbour within the support radius of %.4g m (spacing %.4g m)",
+            body->isolated, body->count, body->support_radius_m, body->spacing_m);
+    return SPHM_OK;
+}
+
 static sphm_status build(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
                          sphm_context *context) {
     sphm_status status = take_surface(body, parameters, mesh, context);
@@ -147,7 +168,8 @@ static sphm_status build(sphm_body *body, const sphm_parameters *parameters, con
         return status;
     sphm_body_measure_section(body);
     set_support(body, parameters);
-    return sphm_body_lay_fibres(body, parameters, context);
+    status = count_isolated(body, context);
+    return status == SPHM_OK ? sphm_body_lay_fibres(body, parameters, context) : status;
 }
 
 sphm_status sphm_body_create(const sphm_parameters *parameters, const sphm_surface *mesh, sphm_body *body,

@@ -46,7 +46,7 @@ static size_t weigh(const sphm_point_grid *grid, const double *fibre, size_t i, 
     const double *rest = grid->points;
     double squared[MOST_NEIGHBOURS], m[9] = {0}, g[3];
     const size_t found =
-        sphm_point_grid_nearest(grid, rest + 3 * i, reach, MOST_NEIGHBOURS, particle, squared);
+        sphm_point_grid_closest(grid, rest + 3 * i, reach, MOST_NEIGHBOURS, particle, squared);
     for (size_t n = 0; n < found; ++n) {
         const double q = 1 - squared[n] / (reach * reach);
         weight[n] = q * q;

@@ -1,4 +1,5 @@
-/* Fibre directions of a body: parallel to the line of action or turned by the pennation angle. */
+/* Fibre directions of a body: parallel to the line of action, turned by the pennation angle, or as laplace.c
+ * and fibre_file.c say. */
 #include "core/fibres.h"
 #include "core/context.h"
 #include "core/line_of_action.h"
@@ -29,7 +30,12 @@ sphm_status sphm_body_lay_fibres(sphm_body *body, const sphm_parameters *paramet
     case SPHM_FIBRES_PENNATE:
         lay_pennate(body, parameters->pennation_angle);
         return SPHM_OK;
+    case SPHM_FIBRES_FILE:
+        return sphm_body_lay_file(body, parameters->fibre_file, context);
+    case SPHM_FIBRES_LAPLACE:
+        return sphm_body_lay_laplace(body, context);
     default:
-        return sphm_fail(context, SPHM_REFUSED_UNSUPPORTED, "fibres: this choice is not built in yet");
+        return sphm_fail(context, SPHM_REFUSED_PARAMETER, "fibres is choice %d; there are 0 to %d",
+                         parameters->fibres, SPHM_FIBRES_LAPLACE);
     }
 }

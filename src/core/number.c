@@ -42,16 +42,29 @@ int sphm_number_parse(const char *text, double *value) {
     return 1;
 }
 
+static int print_nonfinite(double value, char text[SPHM_NUMBER_SIZE]) {
+    if (isfinite(value))
+        return 0;
+    strcpy(text, isnan(value) ? "nan" : value > 0 ? "inf" : "-inf");
+    return 1;
+}
+
 void sphm_number_print(double value, char text[SPHM_NUMBER_SIZE]) {
-    if (!isfinite(value)) {
-        strcpy(text, isnan(value) ? "nan" : value > 0 ? "inf" : "-inf");
+    if (print_nonfinite(value, text))
         return;
-    }
     locale_t c, before = enter_c_locale(&c);
     for (int digits = 15; digits <= 17; digits++) { /* %g leaves out zeros at the end */
         snprintf(text, SPHM_NUMBER_SIZE, "%.*g", digits, value);
         if (strtod(text, NULL) == value)
             break;
     }
+    leave_c_locale(c, before);
+}
+
+void sphm_number_print_digits(double value, int digits, char text[SPHM_NUMBER_SIZE]) {
+    if (print_nonfinite(value, text))
+        return;
+    locale_t c, before = enter_c_locale(&c);
+    snprintf(text, SPHM_NUMBER_SIZE, "%.*g", digits, value);
     leave_c_locale(c, before);
 }

@@ -16,6 +16,8 @@ extern "C" {
 int sphm_number_parse(const char *text, double *value);
 /* Writes a decimal of few digits that reads back to the same double; non-finite values as nan, inf, -inf. */
 void sphm_number_print(double value, char text[SPHM_NUMBER_SIZE]);
+/* The same with at most `digits` (1 ... 17) significant digits. */
+void sphm_number_print_digits(double value, int digits, char text[SPHM_NUMBER_SIZE]);
 
 #ifdef __cplusplus
 }

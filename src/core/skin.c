@@ -35,7 +35,7 @@ static const double FARTHEST = 5;
 static size_t weigh(const sphm_point_grid *grid, const double vertex[3], int32_t particle[K + 1],
                     double w[K + 1]) {
     double squared[K + 1], sum = 0;
-    size_t found = sphm_point_grid_nearest(grid, vertex, INFINITY, K + 1, particle, squared);
+    size_t found = sphm_point_grid_closest(grid, vertex, INFINITY, K + 1, particle, squared);
     double reach = squared[found - 1];
     if (found <= K || reach <= 1.0001 * squared[0])
         reach = 2 * squared[found - 1] + 1e-30; /* too few, or all equally far: nobody is left out */

@@ -4,13 +4,11 @@
 
 #include <math.h>
 
+#include "kernels/vector.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-static inline double sphm_dot3(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 static inline double sphm_norm3(const double a[3]) {
     return sqrt(sphm_dot3(a, a));
