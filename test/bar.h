@@ -18,7 +18,7 @@ namespace bar {
 
 struct Shape {
     double spacing = 1, length = 80, width = 6, thickness = 6; // mm
-    double smoothing_ratio = 2.6, jitter = 0;                  // in spacings
+    double smoothing_ratio = 2.6, jitter = 0, skin = 0;        // in spacings
     unsigned seed = 1;
 };
 
@@ -117,8 +117,8 @@ class Bar {
     }
     // The lattice tells where to look: no farther than the support and the jitter of both particles.
     void build_rows(const std::array<int, 3> &n) {
-        const int reach = int(std::ceil(shape.smoothing_ratio + 2 * shape.jitter));
-        const double h2 = support_m() * support_m();
+        const int reach = int(std::ceil(shape.smoothing_ratio + shape.skin + 2 * shape.jitter));
+        const double radius = support_m() + shape.skin * shape.spacing * 1e-3, radius2 = radius * radius;
         row_start.push_back(0);
         for (size_t i = 0; i < state.count; i++) {
             const int c = int(i) % n[2], b = int(i) / n[2] % n[1], a = int(i) / n[2] / n[1];
@@ -130,7 +130,7 @@ class Bar {
                         const double dx = double(state.x[j]) - double(state.x[i]),
                                      dy = double(state.y[j]) - double(state.y[i]),
                                      dz = double(state.z[j]) - double(state.z[i]);
-                        if (j == i || dx * dx + dy * dy + dz * dz >= h2)
+                        if (j == i || dx * dx + dy * dy + dz * dz >= radius2)
                             continue;
                         slot.push_back(int32_t(j));
                         found++;
