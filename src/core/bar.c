@@ -1,6 +1,7 @@
 /* Filling a box exactly, and jitter. Writes sphm_filling. */
 #include "core/context.h"
 #include "core/filling.h"
+#include "core/threads.h"
 #include "core/vec3.h"
 
 #include <stdlib.h>
@@ -98,10 +99,11 @@ static double uniform(uint64_t key) {
     return 2 * ((double)((key ^ (key >> 31)) >> 11) * 0x1p-53) - 1;
 }
 
-void sphm_filling_jitter(sphm_filling *filling, const sphm_winding *winding, double jitter, uint64_t seed) {
+void sphm_filling_jitter(sphm_filling *filling, const sphm_winding *winding, double jitter, uint64_t seed,
+                         int64_t threads) {
     double reach = jitter * filling->spacing_m;
     const int64_t count = (int64_t)filling->count;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) num_threads(sphm_team_size(threads))
     for (int64_t p = 0; p < count; p++) {
         double *x = &filling->positions[3 * p], moved[3];
         for (uint64_t draw = 0; draw < JITTER_DRAWS; draw++) {

@@ -64,7 +64,7 @@ static sphm_status fill_surface(sphm_body *body, const sphm_parameters *paramete
     task.winding = winding;
     task.volume_m3 = body->volume_m3;
     task.particles = parameters->particles;
-    task.threads = (int)parameters->threads;
+    task.threads = parameters->threads;
     for (int k = 0; k < 3; k++)
         task.frame[k][k] = 1;
     if (mesh)
@@ -85,7 +85,8 @@ static sphm_status fill(sphm_body *body, const sphm_parameters *parameters, cons
         status = fill_surface(body, parameters, mesh, winding, filling, context);
     }
     if (status == SPHM_OK && parameters->jitter > 0)
-        sphm_filling_jitter(filling, winding, parameters->jitter, (uint64_t)parameters->seed);
+        sphm_filling_jitter(filling, winding, parameters->jitter, (uint64_t)parameters->seed,
+                            parameters->threads);
     sphm_winding_destroy(winding);
     return status;
 }

@@ -4,6 +4,7 @@
 #include "core/fibres.h"
 #include "core/number.h"
 #include "core/point_grid.h"
+#include "core/threads.h"
 #include "core/vec3.h"
 
 #include <errno.h>
@@ -120,13 +121,13 @@ static double cell_for(const samples *s) {
     return cbrt(2 * volume / (double)s->count);
 }
 
-static sphm_status copy_nearest(sphm_body *body, const samples *s, sphm_context *context) {
+static sphm_status copy_nearest(sphm_body *body, const samples *s, int64_t threads, sphm_context *context) {
     sphm_point_grid grid;
     sphm_status status = sphm_point_grid_create(s->points, s->count, cell_for(s), &grid, context);
     if (status != SPHM_OK)
         return status;
     const int64_t count = (int64_t)body->count;
-#pragma omp parallel for schedule(dynamic, 256)
+#pragma omp parallel for schedule(dynamic, 256) num_threads(sphm_team_size(threads))
     for (int64_t p = 0; p < count; p++)
         memcpy(&body->fibres[3 * p],
                &s->directions[3 * sphm_point_grid_nearest(&grid, &body->positions[3 * p])],
@@ -135,12 +136,12 @@ static sphm_status copy_nearest(sphm_body *body, const samples *s, sphm_context 
     return SPHM_OK;
 }
 
-sphm_status sphm_body_lay_file(sphm_body *body, const char *path, sphm_context *context) {
+sphm_status sphm_body_lay_file(sphm_body *body, const char *path, int64_t threads, sphm_context *context) {
     samples s;
     memset(&s, 0, sizeof s);
     sphm_status status = read_file(path, &s, context);
     if (status == SPHM_OK)
-        status = copy_nearest(body, &s, context);
+        status = copy_nearest(body, &s, threads, context);
     samples_free(&s);
     return status;
 }

@@ -31,9 +31,9 @@ sphm_status sphm_body_lay_fibres(sphm_body *body, const sphm_parameters *paramet
         lay_pennate(body, parameters->pennation_angle);
         return SPHM_OK;
     case SPHM_FIBRES_FILE:
-        return sphm_body_lay_file(body, parameters->fibre_file, context);
+        return sphm_body_lay_file(body, parameters->fibre_file, parameters->threads, context);
     case SPHM_FIBRES_LAPLACE:
-        return sphm_body_lay_laplace(body, context);
+        return sphm_body_lay_laplace(body, parameters->threads, context);
     default:
         return sphm_fail(context, SPHM_REFUSED_PARAMETER, "fibres is choice %d; there are 0 to %d",
                          parameters->fibres, SPHM_FIBRES_LAPLACE);

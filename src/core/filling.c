@@ -7,6 +7,7 @@
  * those who want disorder). */
 #include "core/filling.h"
 #include "core/context.h"
+#include "core/threads.h"
 #include "core/vec3.h"
 
 #include <stdlib.h>
@@ -15,6 +16,7 @@
 /* A first guess this near is not improved further. */
 #define GOOD_ENOUGH 0.002
 #define ATTEMPTS_PER_OFFSET 14
+#define BLOCK_SIZE 16 /* sites along a side; a power of two */
 #define MOST_SITES ((size_t)1 << 33)
 /* Connected sites that make up less than this share of all are strays. */
 #define STRAY_SHARE 0.01
@@ -90,14 +92,64 @@ static void site_position(const lattice *l, size_t site, double x[3]) {
         x[d] = l->corner[d] + i * l->step[0][d] + j * l->step[1][d] + k * l->step[2][d];
 }
 
+/* A block of sites, `size` along each side unless the lattice ends before. */
+typedef struct block {
+    size_t first[3], size;
+} block;
+
+static void fill_block(lattice *l, const block *b, const size_t end[3], uint8_t inside) {
+    for (size_t k = b->first[2]; k < end[2]; k++)
+        for (size_t j = b->first[1]; j < end[1]; j++)
+            memset(&l->inside[(k * l->n[1] + j) * l->n[0] + b->first[0]], inside, end[0] - b->first[0]);
+}
+
+/* Where no triangle is near, the winding number is harmonic and a block may be decided by its middle. By
+ * Harnack's inequality a harmonic function between 0 and 1 that is below 1/12 in the middle of a ball is
+ * below (1 + 1/2) / (1 - 1/2)^2 / 12 = 1/2 out to half the radius; likewise above 11/12. Else the block is
+ * divided. */
+static void classify_block(const sphm_winding *winding, lattice *l, const block *b) {
+    size_t end[3];
+    double middle[3], radius = 0;
+    memcpy(middle, l->corner, sizeof middle);
+    for (int a = 0; a < 3; a++) {
+        end[a] = b->first[a] + b->size < l->n[a] ? b->first[a] + b->size : l->n[a];
+        if (end[a] <= b->first[a])
+            return;
+        double half = 0.5 * (double)(end[a] - 1 - b->first[a]);
+        for (int k = 0; k < 3; k++)
+            middle[k] += ((double)b->first[a] + half) * l->step[a][k];
+        radius += half * half;
+    }
+    radius = sqrt(radius) * l->spacing;
+    if (b->size == 1 || !sphm_winding_near(winding, middle, 2 * radius)) {
+        double w = sphm_winding_number(winding, middle);
+        if (b->size == 1 || fabs(w - 0.5) > 0.5 - 1.0 / 12) {
+            fill_block(l, b, end, w > 0.5);
+            return;
+        }
+    }
+    for (int child = 0; child < 8; child++) {
+        block part;
+        part.size = b->size / 2;
+        for (int a = 0; a < 3; a++)
+            part.first[a] = b->first[a] + (child >> a & 1) * part.size;
+        classify_block(winding, l, &part);
+    }
+}
+
 static void lattice_classify(const sphm_filling_task *task, lattice *l) {
-    const int64_t sites = (int64_t)l->sites;
-    (void)task->threads;
-#pragma omp parallel for schedule(dynamic, 1024)
-    for (int64_t s = 0; s < sites; s++) {
-        double x[3];
-        site_position(l, (size_t)s, x);
-        l->inside[s] = sphm_winding_number(task->winding, x) > 0.5;
+    size_t blocks[3];
+    for (int a = 0; a < 3; a++)
+        blocks[a] = (l->n[a] + BLOCK_SIZE - 1) / BLOCK_SIZE;
+    const int64_t count = (int64_t)(blocks[0] * blocks[1] * blocks[2]);
+#pragma omp parallel for schedule(dynamic, 4) num_threads(sphm_team_size(task->threads))
+    for (int64_t n = 0; n < count; n++) {
+        block b;
+        b.first[0] = (size_t)n % blocks[0] * BLOCK_SIZE;
+        b.first[1] = (size_t)n / blocks[0] % blocks[1] * BLOCK_SIZE;
+        b.first[2] = (size_t)n / (blocks[0] * blocks[1]) * BLOCK_SIZE;
+        b.size = BLOCK_SIZE;
+        classify_block(task->winding, l, &b);
     }
 }
 

@@ -18,7 +18,7 @@ typedef struct sphm_filling_task {
     double volume_m3;
     double frame[3][3];
     int64_t particles; /* asked for */
-    int threads;       /* 0: all; no influence on the result */
+    int64_t threads;   /* 0: all; no influence on the result */
 } sphm_filling_task;
 
 typedef struct sphm_filling {
@@ -37,7 +37,8 @@ sphm_status sphm_filling_create_bar(const double side_m[3], int64_t particles, s
                                     sphm_context *context);
 /* Moves every particle by up to `jitter` spacings in each direction of x, y, z; where that would lead out of
  * the surface the particle is moved otherwise or not at all. */
-void sphm_filling_jitter(sphm_filling *filling, const sphm_winding *winding, double jitter, uint64_t seed);
+void sphm_filling_jitter(sphm_filling *filling, const sphm_winding *winding, double jitter, uint64_t seed,
+                         int64_t threads);
 void sphm_filling_free(sphm_filling *filling);
 
 #ifdef __cplusplus

@@ -8,6 +8,7 @@
 #include "core/context.h"
 #include "core/fibres.h"
 #include "core/point_grid.h"
+#include "core/threads.h"
 #include "core/vec3.h"
 
 #include <stdlib.h>
@@ -19,12 +20,15 @@
 #define MOST_NEIGHBOURS 96
 #define RESIDUAL 1e-8
 #define BLOCK 1024
+/* Below this the hand-over between threads costs more than they save, and much more on a busy machine. */
+#define SERIAL_BELOW 50000
 #define FEWEST_FIXED 6
 /* A gradient below this share of 1/length says nothing about a direction. */
 #define FLAT 1e-3
 
 typedef struct laplace {
     size_t count;
+    int64_t threads;
     size_t *row;                                           /* [count + 1] */
     int32_t *column;                                       /* [row[count]] */
     double *weight;                                        /* [row[count]] */
@@ -120,7 +124,7 @@ static void fix_ends(laplace *l, const sphm_body *body) {
 /* image = A x on the free particles, A x_i = sum_j w_ij (x_i - x_j); 0 on the fixed ones. */
 static void apply(const laplace *l, const double *x, double *image) {
     const int64_t count = (int64_t)l->count;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) num_threads(sphm_team_size(l->threads)) if (count > SERIAL_BELOW)
     for (int64_t p = 0; p < count; p++) {
         double sum = l->diagonal[p] * x[p];
         for (size_t k = l->row[p]; k < l->row[p + 1]; k++)
@@ -129,8 +133,8 @@ static void apply(const laplace *l, const double *x, double *image) {
     }
 }
 
-/* sum a b c over the particles, in blocks whose order does not depend on the number of threads; c may be a
- * divisor: entries with divisor 0 are left out. */
+/* sum a b over the particles, or sum a b / divisor, leaving out where that is 0. In blocks, for the digits.
+ */
 static double sum_products(const laplace *l, const double *a, const double *b, const double *divisor) {
     double sum = 0;
     for (size_t first = 0; first < l->count; first += BLOCK) {
@@ -199,7 +203,7 @@ static int gradient(const laplace *l, const sphm_body *body, size_t p, double f[
     return 1;
 }
 
-sphm_status sphm_body_lay_laplace(sphm_body *body, sphm_context *context) {
+sphm_status sphm_body_lay_laplace(sphm_body *body, int64_t threads, sphm_context *context) {
     laplace l;
     sphm_point_grid grid;
     sphm_status status =
@@ -211,6 +215,7 @@ sphm_status sphm_body_lay_laplace(sphm_body *body, sphm_context *context) {
         sphm_point_grid_free(&grid);
         return status;
     }
+    l.threads = threads;
     status = connect(&l, body, &grid, context);
     sphm_point_grid_free(&grid);
     if (status == SPHM_OK) {

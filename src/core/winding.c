@@ -12,8 +12,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A node counts as far beyond this many of its radii. 2 with the second-order term: 0.002 off at worst. */
-#define FAR_RADII 2.0
+/* A node counts as far beyond this many of its radii. With the second-order term, measured at random points:
+ * off by 0.018 at worst and 0.006 rms about the built-in and two scanned muscles, by less than 0.05 just
+ * beside a sphere. The sides of a closed surface are 0 and 1, so that no point was ever taken for the other
+ * side; 2 is off by 0.07, 4 costs twice as much. */
+#define FAR_RADII 2.5
 #define LEAF_TRIANGLES 8
 #define DEPTH_LIMIT 64
 #define FOUR_PI 12.566370614359172
@@ -77,6 +80,24 @@ double sphm_winding_number(const sphm_winding *winding, const double q[3]) {
         }
     }
     return far + 2 * near / FOUR_PI;
+}
+
+int sphm_winding_near(const sphm_winding *winding, const double q[3], double distance) {
+    int32_t stack[DEPTH_LIMIT];
+    int depth = 0;
+    stack[depth++] = 0;
+    while (depth > 0) {
+        int32_t at = stack[--depth];
+        const node *n = &winding->nodes[at];
+        double reach = distance + n->radius;
+        if (sphm_distance_squared3(n->centre, q) > reach * reach)
+            continue;
+        if (n->right == 0)
+            return 1;
+        stack[depth++] = n->right;
+        stack[depth++] = at + 1;
+    }
+    return 0;
 }
 
 double sphm_winding_number_exact(const sphm_surface *surface, const double q[3]) {

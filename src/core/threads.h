@@ -1,0 +1,28 @@
+/* How many threads a parallel region of the geometry stage gets. */
+#ifndef SPHM_CORE_THREADS_H
+#define SPHM_CORE_THREADS_H
+
+#include <stdint.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The parameter `threads`: 0 is all there are. */
+static inline int sphm_team_size(int64_t threads) {
+#ifdef _OPENMP
+    return threads > 0 ? (int)threads : omp_get_max_threads();
+#else
+    (void)threads;
+    return 1;
+#endif
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif
