@@ -13,12 +13,18 @@ extern "C" {
 typedef struct sphm_model {
     sphm_parameters parameters;
     sphm_body body;
-    double frame_m[3];                           /* state positions are relative to it: middle of the bounding box */
+    double frame_m[3]; /* state positions are relative to it: middle of the bounding box */
     double particle_mass_kg, particle_volume_m3; /* equal for all particles */
     uint8_t *electrodes;                         /* [count], bit e: in electrode e */
     sphm_membrane_constants membrane;            /* kernels/membrane.h */
     sphm_fluid_constants fluid;                  /* kernels/fluid.h */
 } sphm_model;
+
+/* Checks the parameters, builds the body from `mesh` (NULL: the preset) and derives the constants. On a
+ * refusal `model` is zeroed. */
+sphm_status sphm_model_create(sphm_model *model, const sphm_parameters *parameters, const sphm_surface *mesh,
+                              sphm_context *context);
+void sphm_model_free(sphm_model *model);
 
 #ifdef __cplusplus
 }

@@ -30,8 +30,8 @@ struct sphm_muscle {
 
     double requested_step_s; /* the parameter, 0: automatic */
     int warned_step;         /* the warning about a reduced step was given */
-    int failed;              /* non-finite: only reset, load and destroy are allowed */
-    char failure[256];
+    int failed;              /* the status of a failed step: only reset, load and destroy are allowed then */
+    char failure[1024];
 
     /* Buffers of the functions that look at the muscle (particles.c, skin.c). Whoever allocates them sets the
      * function that frees them; `views` starts as NULL. */

@@ -2,21 +2,69 @@
 #ifndef SPHM_KERNELS_FLUID_H
 #define SPHM_KERNELS_FLUID_H
 
-#include "kernels/qualifiers.h"
+#include "kernels/smoothing.h"
 
 typedef struct sphm_fluid_constants {
     int coupling;                       /* SPHM_COUPLING_... */
     sphm_real support_radius_m;         /* h */
     sphm_real mass_kg;                  /* of a particle */
+    sphm_real density_kg_per_m3;        /* of the tissue */
     sphm_real stiffness_m2_per_s2;      /* k */
     sphm_real electrical_Pa_per_mV;     /* kappa */
+    sphm_real resting_mV;               /* Vr */
     sphm_real fibre_tension_Pa;         /* T at full activation */
     sphm_real viscosity_Pa_s;           /* mu */
     sphm_real xsph_time_s;              /* tau */
     sphm_real fibre_steering;           /* beta */
     sphm_real shape_matching_rad_per_s; /* omega */
     sphm_real shape_matching_floor;     /* l_i */
+    sphm_real pair_matching_Pa;         /* shear modulus of the pair clusters */
     sphm_real gravity_m_per_s2[3];
 } sphm_fluid_constants;
+
+/* Pressure without its electrical part (12): each particle against its own rest density. */
+SPHM_FN sphm_real sphm_fluid_pressure(const sphm_fluid_constants *c, sphm_real density,
+                                      sphm_real rest_density) {
+    return c->stiffness_m2_per_s2 * (density - rest_density);
+}
+
+/* Electrical pressure, kappa max(0, Vm - Vr); 0 with the other coupling. */
+SPHM_FN sphm_real sphm_fluid_electrical_pressure(const sphm_fluid_constants *c, sphm_real potential_mV) {
+    const sphm_real excess = potential_mV - c->resting_mV;
+    return excess > 0 ? c->electrical_Pa_per_mV * excess : 0;
+}
+
+/* k_i of (23), a rate: (omega dt)^2 within [floor, 1]. */
+SPHM_FN double sphm_shape_matching_coefficient(const sphm_fluid_constants *c, double step_s) {
+    const double turned = (double)c->shape_matching_rad_per_s * step_s;
+    const double k =
+        turned * turned > (double)c->shape_matching_floor ? turned * turned : (double)c->shape_matching_floor;
+    return k < 1 ? k : 1;
+}
+
+/* Stiffness of a pair of rest neighbours a distance r apart at rest, in the plane of eq 23 with clusters of
+ * two particles: the goal positions of a pair lie along its present direction, at its rest distance. A sum of
+ * such pulls w(r) (|x| - r) is an isotropic elastic solid with both Lame constants equal to
+ *     G = kappa/30  int w r2 dV   (bond-based peridynamics; Silling, J. Mech. Phys. Solids 48 (2000) 175).
+ * With w = (1 - q)^2/q and lengths in units of h the integral is 4 pi int (1-q)^2 q3 dq = 4 pi/60, so that
+ * kappa = 450 G/pi for V_i V_j in units of h6. */
+#define SPHM_PAIR_STIFFNESS (450 / SPHM_PI)
+
+/* Fibre steering: v <- |v| normalise(v/|v| + beta sign(v.f) f). Turns a velocity towards the fibre's line,
+ * never adds speed; a velocity of 0 stays 0. */
+SPHM_FN void sphm_fibre_steer(sphm_real beta, const sphm_real f[3], sphm_real v[3]) {
+    const sphm_real speed2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    if (!(speed2 > (sphm_real)1e-30))
+        return;
+    const sphm_real inverse = sphm_inverse_sqrt(speed2), speed = speed2 * inverse;
+    const sphm_real along = v[0] * f[0] + v[1] * f[1] + v[2] * f[2];
+    const sphm_real turn = along > 0 ? beta : along < 0 ? -beta : 0;
+    sphm_real t[3];
+    for (int d = 0; d < 3; ++d)
+        t[d] = v[d] * inverse + turn * f[d];
+    const sphm_real scale = speed * sphm_inverse_sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
+    for (int d = 0; d < 3; ++d)
+        v[d] = t[d] * scale;
+}
 
 #endif

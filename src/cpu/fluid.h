@@ -1,0 +1,43 @@
+/* The two neighbour sweeps of the fluid on the CPU.
+ *
+ * Positions do not change between XSPH (22) and the forces, and the summed density depends on positions only;
+ * so XSPH and density share one sweep, which the paper does in two. */
+#ifndef SPHM_CPU_FLUID_H
+#define SPHM_CPU_FLUID_H
+
+#include "core/neighbours.h"
+#include "core/state.h"
+#include "cpu/row.h"
+#include "kernels/fluid.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What sweeps read of the neighbours, in slot order, lengths in units of h. */
+typedef struct sphm_fluid_packs {
+    sphm_pack *position; /* x y z; density of the last step, then pressure */
+    sphm_pack *velocity; /* predicted and shape-matched velocity; unused */
+    sphm_pack *smoothed; /* velocity after XSPH; 1/density */
+    sphm_pack *rest;     /* rest position; fibre tension where fibres are parallel */
+    sphm_pack *tension;  /* fibre times the root of its tension; unused. NULL where fibres are parallel */
+} sphm_fluid_packs;
+
+/* XSPH and density: reads packs position and velocity; writes density of the state and pack smoothed (but not
+ * its w). */
+void sphm_fluid_sweep_velocity(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
+                               sphm_fluid_packs *packs, sphm_state *state, double step_s, size_t begin,
+                               size_t end);
+/* Pressure (12) with its electrical part, and what the force sweep reads of a particle. */
+void sphm_fluid_set_pressure(const sphm_fluid_constants *constants, sphm_fluid_packs *packs,
+                             sphm_state *state, size_t begin, size_t end);
+/* Pressure (10), viscosity (11), pair matching and fibre tension: writes the acceleration of the state.
+ * `rotation` turns the rest shape as the muscle has turned. */
+void sphm_fluid_sweep_forces(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
+                             const sphm_fluid_packs *packs, sphm_state *state, const double rotation[9],
+                             size_t begin, size_t end);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,139 @@
+/* Leap-frog (8), fibre steering, attachments; and the watch over what came out of a step. Reads pack smoothed
+ * and the acceleration; writes position and velocity. */
+#include <math.h>
+#include <stdio.h>
+
+#include "cpu/backend.h"
+#include "cpu/parallel.h"
+
+/* Largest move since the rows were built, largest speed, and whether all is finite: a NaN or an infinity
+ * makes x - x differ from 0. */
+static void watch_block(const sphm_state *s, size_t begin, size_t end, sphm_block_result *result) {
+    sphm_real moved2 = 0, speed2 = 0;
+    int nonfinite = 0;
+#pragma omp simd reduction(max : moved2, speed2) reduction(| : nonfinite)
+    for (size_t i = begin; i < end; ++i) {
+        const sphm_real dx = s->x[i] - s->listed_x[i], dy = s->y[i] - s->listed_y[i],
+                        dz = s->z[i] - s->listed_z[i];
+        const sphm_real m = dx * dx + dy * dy + dz * dz;
+        const sphm_real v = s->vx[i] * s->vx[i] + s->vy[i] * s->vy[i] + s->vz[i] * s->vz[i];
+        const sphm_real sum = m + v + s->density[i] + s->pressure[i] + s->membrane_potential[i] +
+                              s->recovery[i] + s->activation[i];
+        nonfinite |= !(sum - sum == 0);
+        moved2 = m > moved2 ? m : moved2;
+        speed2 = v > speed2 ? v : speed2;
+    }
+    result->moved2 = (double)moved2;
+    result->speed2 = (double)speed2;
+    result->nonfinite = nonfinite;
+}
+
+static int collect(sphm_backend *b) {
+    double moved2 = 0, speed2 = 0;
+    int nonfinite = 0;
+    for (size_t block = 0; block < b->blocks; ++block) {
+        moved2 = fmax(moved2, b->results[block].moved2);
+        speed2 = fmax(speed2, b->results[block].speed2);
+        nonfinite |= b->results[block].nonfinite;
+    }
+    b->speed_max_m_per_s = sqrt(speed2);
+    b->rows_stale = moved2 > 0.25 * b->skin_m * b->skin_m;
+    return !nonfinite;
+}
+
+static void move_block(sphm_backend *b, sphm_real step, size_t begin, size_t end) {
+    sphm_state *s = &b->state;
+    const sphm_pack *w = b->packs.smoothed;
+    for (size_t i = begin; i < end; ++i) {
+        const sphm_real free = s->attachment[i] == SPHM_FREE;
+        const sphm_real vx = w[i].x + step * s->ax[i], vy = w[i].y + step * s->ay[i],
+                        vz = w[i].z + step * s->az[i];
+        s->vx[i] = free > 0 ? vx : 0;
+        s->vy[i] = free > 0 ? vy : 0;
+        s->vz[i] = free > 0 ? vz : 0;
+    }
+    const sphm_real beta = b->model->fluid.fibre_steering;
+    if (beta > 0)
+        for (size_t i = begin; i < end; ++i) {
+            const double rest[3] = {(double)s->fibre_x[i], (double)s->fibre_y[i], (double)s->fibre_z[i]};
+            sphm_real f[3], v[3] = {s->vx[i], s->vy[i], s->vz[i]};
+            for (int d = 0; d < 3; ++d) {
+                const double *r = b->motion.rotation + 3 * d;
+                f[d] = (sphm_real)(r[0] * rest[0] + r[1] * rest[1] + r[2] * rest[2]);
+            }
+            sphm_fibre_steer(beta, f, v);
+            s->vx[i] = v[0];
+            s->vy[i] = v[1];
+            s->vz[i] = v[2];
+        }
+    for (size_t i = begin; i < end; ++i) {
+        s->x[i] += step * s->vx[i];
+        s->y[i] += step * s->vy[i];
+        s->z[i] += step * s->vz[i];
+    }
+}
+
+int sphm_cpu_integrate(sphm_backend *b, double step_s) {
+    const size_t count = b->state.count;
+#pragma omp parallel for num_threads(b->threads) schedule(static)
+    for (size_t block = 0; block < b->blocks; ++block) {
+        const size_t begin = sphm_block_begin(block), end = sphm_block_end(block, count);
+        move_block(b, (sphm_real)step_s, begin, end);
+        watch_block(&b->state, begin, end, &b->results[block]);
+    }
+    return collect(b);
+}
+
+void sphm_cpu_measure_motion(sphm_backend *b) {
+    for (size_t block = 0; block < b->blocks; ++block)
+        watch_block(&b->state, sphm_block_begin(block), sphm_block_end(block, b->state.count),
+                    &b->results[block]);
+    (void)collect(b);
+}
+
+static int finite3(sphm_real x, sphm_real y, sphm_real z) {
+    return isfinite(x) && isfinite(y) && isfinite(z);
+}
+
+/* What each stage wrote, in the order of the stages. */
+static const char *bad_stage(const sphm_backend *b, size_t i) {
+    const sphm_state *s = &b->state;
+    const sphm_fluid_packs *p = &b->packs;
+    if (!finite3(p->position[i].x, p->position[i].y, p->position[i].z))
+        return "0position";
+    if (!finite3(p->velocity[i].x, p->velocity[i].y, p->velocity[i].z))
+        return "1prediction and shape matching";
+    if (!finite3(p->smoothed[i].x, p->smoothed[i].y, p->smoothed[i].z))
+        return "2XSPH";
+    if (!isfinite(s->density[i]))
+        return "3density";
+    if (!isfinite(s->pressure[i]) || !isfinite(p->smoothed[i].w))
+        return "4pressure";
+    if (!finite3(s->ax[i], s->ay[i], s->az[i]))
+        return "5forces";
+    if (!finite3(s->membrane_potential[i], s->recovery[i], s->activation[i]))
+        return "6membrane";
+    if (!finite3(s->vx[i], s->vy[i], s->vz[i]) || !finite3(s->x[i], s->y[i], s->z[i]))
+        return "7integration";
+    return NULL;
+}
+
+void sphm_cpu_name_nonfinite(const sphm_backend *b, char *text, size_t size) {
+    const char *stage = NULL;
+    int32_t particle = -1;
+    size_t bad = 0;
+    for (size_t i = 0; i < b->state.count; ++i) {
+        const char *found = bad_stage(b, i);
+        if (!found)
+            continue;
+        ++bad;
+        const int32_t id = b->state.id[i];
+        if (!stage || found[0] < stage[0] || (found[0] == stage[0] && id < particle)) {
+            stage = found;
+            particle = id;
+        }
+    }
+    snprintf(text, size, "particle %d in stage '%s' at %.6g s (step %llu), %zu particles in all",
+             (int)particle, stage ? stage + 1 : "unknown", b->state.time_s,
+             (unsigned long long)b->state.steps, bad);
+}

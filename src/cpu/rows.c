@@ -1,0 +1,58 @@
+/* Keeping slot order, neighbour rows and diffusion weights up to date. */
+#include <math.h>
+#include <string.h>
+
+#include "cpu/backend.h"
+
+static double cell_edge(const sphm_backend *b, double radius) {
+    return b->model->parameters.cell_size > 0 ? b->model->parameters.cell_size : radius;
+}
+
+static sphm_status build_diffusion(sphm_backend *b, sphm_context *context) {
+    const sphm_model *model = b->model;
+    const sphm_state *s = &b->state;
+    sphm_diffusion_input input;
+    memset(&input, 0, sizeof input);
+    input.laplacian = model->parameters.laplacian;
+    input.support_radius_m = model->body.support_radius_m;
+    input.particle_volume_m3 = model->particle_volume_m3;
+    input.diffusion_mm2_per_ms = (double)model->membrane.diffusion_mm2_per_ms;
+    input.anisotropy_ratio = (double)model->membrane.anisotropy_ratio;
+    input.x = s->listed_x;
+    input.y = s->listed_y;
+    input.z = s->listed_z;
+    input.fibre_x = s->fibre_x;
+    input.fibre_y = s->fibre_y;
+    input.fibre_z = s->fibre_z;
+    return sphm_diffusion_build(&b->diffusion, &b->rows, &input, b->threads, context);
+}
+
+sphm_status sphm_cpu_build_rows(sphm_backend *b, sphm_context *context) {
+    sphm_state *s = &b->state;
+    const double radius = b->model->body.support_radius_m + b->skin_m;
+    sphm_status status = sphm_grid_sort(&b->grid, s->listed_x, s->listed_y, s->listed_z, s->id, s->count,
+                                        cell_edge(b, radius), context);
+    if (status != SPHM_OK)
+        return status;
+    /* The packs are rewritten before they are read again: one of them is scratch here. */
+    sphm_state_permute(s, b->grid.order, b->packs.velocity);
+    status = sphm_neighbours_build(&b->rows, &b->grid, s->listed_x, s->listed_y, s->listed_z, s->count,
+                                   radius, b->threads, context);
+    if (status == SPHM_OK)
+        status = build_diffusion(b, context);
+    return status;
+}
+
+sphm_status sphm_cpu_refresh_rows(sphm_backend *b, sphm_context *context) {
+    if (!b->rows_stale)
+        return SPHM_OK;
+    sphm_state *s = &b->state;
+    const size_t bytes = s->count * sizeof(sphm_real);
+    memcpy(s->listed_x, s->x, bytes);
+    memcpy(s->listed_y, s->y, bytes);
+    memcpy(s->listed_z, s->z, bytes);
+    const sphm_status status = sphm_cpu_build_rows(b, context);
+    b->rows_stale = status != SPHM_OK;
+    ++b->timing.neighbour_rebuilds;
+    return status;
+}
