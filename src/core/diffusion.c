@@ -110,15 +110,16 @@ static size_t correct(const build *w, size_t i) {
 }
 
 /* Weights of the row of particle i. Every operation is symmetric in i and j, so that w_ij and w_ji are the
- * same to the bit: differences only change sign, and sums of two commute. */
-static void weigh(const build *w, size_t i, sphm_real *weight) {
+ * same to the bit: differences only change sign, and sums of two commute. `bare` is a constant where this is
+ * inlined. */
+SPHM_FN void weigh_row(const build *w, size_t i, int bare, sphm_real *weight) {
     const sphm_real *x = w->in->x, *y = w->in->y, *z = w->in->z;
     const sphm_real *bxx = w->b[0], *byy = w->b[1], *bzz = w->b[2], *bxy = w->b[3], *bxz = w->b[4],
                     *byz = w->b[5];
     const int32_t *slot = w->n->slot;
     const sphm_real xi = x[i], yi = y[i], zi = z[i], inverse_h = w->inverse_h_per_m;
+    const sphm_real bxxi = bxx[i], byyi = byy[i], bzzi = bzz[i], bxyi = bxy[i], bxzi = bxz[i], byzi = byz[i];
     const sphm_real half_factor = w->pair_factor * (sphm_real)0.5;
-    const int bare = w->in->laplacian == SPHM_LAPLACIAN_PAPER;
     const size_t end = w->n->row_start[i + 1];
 #pragma omp simd
     for (size_t k = w->n->row_start[i]; k < end; k++) {
@@ -129,10 +130,17 @@ static void weigh(const build *w, size_t i, sphm_real *weight) {
         const sphm_real inverse_r = 1 / sphm_square_root(r2 > 0 ? r2 : 1);
         const sphm_real r = r2 * inverse_r;
         const sphm_real g = bare ? sphm_pair_second_derivative(r) : sphm_pair_gradient(r, inverse_r);
-        const sphm_real b[6] = {bxx[i] + bxx[j], byy[i] + byy[j], bzz[i] + bzz[j],
-                                bxy[i] + bxy[j], bxz[i] + bxz[j], byz[i] + byz[j]};
-        weight[k] = half_factor * g * sphm_quadratic_form(b, dx * inverse_r, dy * inverse_r, dz * inverse_r);
+        weight[k] = half_factor * g * inverse_r * inverse_r *
+                    sphm_quadratic_form(bxxi + bxx[j], byyi + byy[j], bzzi + bzz[j], bxyi + bxy[j],
+                                        bxzi + bxz[j], byzi + byz[j], dx, dy, dz);
     }
+}
+
+static void weigh(const build *w, size_t i, sphm_real *weight) {
+    if (w->in->laplacian == SPHM_LAPLACIAN_PAPER)
+        weigh_row(w, i, 1, weight);
+    else
+        weigh_row(w, i, 0, weight);
 }
 
 /* Gershgorin: every eigenvalue of the sweep lies in 0 ... sum (w + |w|), and forward Euler needs dt times it

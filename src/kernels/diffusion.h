@@ -49,9 +49,10 @@ SPHM_FN sphm_real sphm_pair_second_derivative(sphm_real r) {
     return r > 0 ? outer - 4 * inner : 0;
 }
 
-/* x.B x for B = xx yy zz xy xz yz. */
-SPHM_FN sphm_real sphm_quadratic_form(const sphm_real b[6], sphm_real x, sphm_real y, sphm_real z) {
-    return b[0] * x * x + b[1] * y * y + b[2] * z * z + 2 * (b[3] * x * y + b[4] * x * z + b[5] * y * z);
+/* x.B x. Scalars, because an array of six keeps gcc from vectorising the loop over the pairs. */
+SPHM_FN sphm_real sphm_quadratic_form(sphm_real bxx, sphm_real byy, sphm_real bzz, sphm_real bxy,
+                                      sphm_real bxz, sphm_real byz, sphm_real x, sphm_real y, sphm_real z) {
+    return bxx * x * x + byy * y * y + bzz * z * z + 2 * (bxy * x * y + bxz * x * z + byz * y * z);
 }
 
 /* Diffusion tensor across 1 + (along - across) f f, as xx yy zz xy xz yz. */
