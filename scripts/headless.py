@@ -5,6 +5,7 @@ Started by scripts/demo. Exit codes: 0 done, 1 the muscle died or went silent, 2
 """
 import argparse
 import os
+import re
 import shutil
 import signal
 import socket
@@ -70,7 +71,7 @@ def start_display(processes):
 
 
 class Demo:
-    def __init__(self, arguments, processes):
+    def __init__(self, arguments, processes, log_folder):
         self.arguments = arguments
         self.state = None
         self.state_time = 0.0
@@ -83,9 +84,12 @@ class Demo:
         # A master of our own: one that runs already stays undisturbed.
         port = free_port()
         os.environ["ROS_MASTER_URI"] = environment["ROS_MASTER_URI"] = "http://localhost:%d" % port
-        self.launch = processes.start(
-            ["roslaunch", "-p", str(port), "sph_muscle", "demo.launch",
-             "rviz:=" + ("true" if self.display else "false")] + arguments.launch_arguments, env=environment)
+        self.log = os.path.join(log_folder, "roslaunch.log")
+        with open(self.log, "wb") as log:
+            self.launch = processes.start(
+                ["roslaunch", "-p", str(port), "sph_muscle", "demo.launch",
+                 "rviz:=" + ("true" if self.display else "false")] + arguments.launch_arguments,
+                env=environment, stdout=log, stderr=subprocess.STDOUT)
 
     def on_state(self, state):
         self.state = state
@@ -94,6 +98,12 @@ class Demo:
     def check_alive(self):
         if self.launch.poll() is not None:
             raise Failure("the muscle ended early, roslaunch gave %d" % self.launch.returncode)
+
+    def show_log(self):
+        """What the muscle and rviz said last, without the colours."""
+        with open(self.log, errors="replace") as log:
+            lines = [re.sub(r"\x1b(\[[0-9;]*m|\][^\x07]*\x07)", "", line) for line in log]
+        sys.stderr.writelines(lines[-30:])
 
     def wait_for(self, what, condition):
         limit = time.monotonic() + START_LIMIT
@@ -181,12 +191,15 @@ def main():
     processes = Processes()
     log_folder = tempfile.mkdtemp(prefix="sph_muscle_demo_")
     os.environ.setdefault("ROS_LOG_DIR", log_folder)
+    demo = None
     try:
-        demo = Demo(arguments, processes)
+        demo = Demo(arguments, processes, log_folder)
         demo.connect()
         demo.drive()
         demo.check_alive()
     except (Failure, subprocess.CalledProcessError) as failure:
+        if demo is not None:
+            demo.show_log()
         print("demo: %s" % failure, file=sys.stderr)
         return 1
     except KeyboardInterrupt:

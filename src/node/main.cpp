@@ -5,6 +5,8 @@
 
 int main(int argc, char **argv) {
     ros::init(argc, argv, "sph_muscle");
+    ros::start(); // else the handles of a node that throws take logging down with them, and the reason is not
+                  // shown
     try {
         sph_muscle::MuscleNode node;
         ros::spin();

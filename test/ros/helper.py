@@ -48,7 +48,10 @@ class Log(Latest):
     def __init__(self):
         from rosgraph_msgs.msg import Log as LogMessage
         self.texts = []
-        super().__init__("/rosout_agg", LogMessage)
+        super().__init__("/rosout", LogMessage)  # not rosout_agg: rostest starts no aggregator
+        end = time.monotonic() + LIMIT
+        while self.subscriber.get_num_connections() < 2 and time.monotonic() < end:  # the node and this test
+            time.sleep(0.02)
 
     def receive(self, message):
         if "sph_muscle" in message.name:
