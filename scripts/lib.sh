@@ -38,24 +38,29 @@ if using_opt_ros; then
     packages_test="libgtest-dev $p-rostest $p-rosunit git"
 fi
 
+as_root() {
+    if (($(id -u) == 0)); then
+        "$@"
+    else
+        command -v sudo >/dev/null || die "neither root nor sudo to run: $*"
+        sudo "$@"
+    fi
+}
+
 installed() { [[ $(dpkg-query -W -f='${db:Status-Abbrev}' "$1" 2>/dev/null) == ii* ]]; }
 
 # Installs what is missing of the given packages; asks apt nothing when nothing is.
 install_packages() {
     command -v apt-get >/dev/null || die "no apt-get: install by hand: $*"
-    local missing=() as_root=()
+    local missing=()
     for package in "$@"; do installed "$package" || missing+=("$package"); done
     if ((${#missing[@]} == 0)); then
         say "packages: all $# are installed"
         return
     fi
-    if (($(id -u) != 0)); then
-        command -v sudo >/dev/null || die "neither root nor sudo; ask for: apt-get install ${missing[*]}"
-        as_root=(sudo)
-    fi
     say "packages: installing ${missing[*]}"
-    "${as_root[@]}" apt-get update -q || die "apt-get update failed"
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
+    as_root apt-get update -q || die "apt-get update failed"
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends \
         "${missing[@]}" || die "apt-get could not install: ${missing[*]}"
 }
 
@@ -70,8 +75,11 @@ ros_environment() {
     fi
     export ROS_HOSTNAME=localhost
     unset ROS_IP
-    # roslaunch and rostest look localhost up; a minimal root may lack /etc/hosts.
-    getent hosts localhost >/dev/null || die "localhost has no address: add '127.0.0.1 localhost' to /etc/hosts"
+    # roslaunch and rostest look localhost up; a root straight from debootstrap has no /etc/hosts.
+    if ! getent hosts localhost >/dev/null; then
+        say "localhost has no address: adding it to /etc/hosts"
+        echo "127.0.0.1 localhost" | as_root tee -a /etc/hosts >/dev/null
+    fi
 }
 
 # configure FOLDER OPTION...: configures only when FOLDER is new or the options changed, so that a second run
