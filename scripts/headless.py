@@ -122,12 +122,22 @@ class Demo:
         self.wait_for("the stimulus to be connected", lambda: self.publisher.get_num_connections() > 0)
         if self.display:
             self.wait_for("rviz", self.rviz_listens)
-            time.sleep(2)  # its first frames
+            self.wait_for("a picture in rviz", self.rviz_shows_something)
 
     def rviz_listens(self):
         _, subscribers, _ = rosgraph.Master("demo").getSystemState()
         topics = {topic for topic, nodes in subscribers if any("rviz" in node for node in nodes)}
         return {"/muscle/particles", "/muscle/surface", "/muscle/markers"} <= topics
+
+    def rviz_shows_something(self):
+        """A window that is not drawn yet has one colour, the empty scene a few dozen, a lit muscle thousands."""
+        grabbed = os.path.join(os.path.dirname(self.log), "grabbed.png")
+        self.grab(grabbed).wait()
+        colours = subprocess.run(["identify", "-format", "%k", grabbed], stdout=subprocess.PIPE, text=True).stdout
+        return int(colours or 0) > 1000
+
+    def grab(self, path):
+        return subprocess.Popen(["import", "-display", self.display, "-window", "root", path])
 
     def stimulate(self, current):
         if current != self.stimulus:
@@ -148,7 +158,7 @@ class Demo:
         rest, half = min(1.0, 0.1 * seconds), min(3.0, 0.45 * seconds)
         began = time.monotonic()
         next_line = began + min(1.0, seconds)
-        pictured = not self.display
+        picture = None
         while True:
             self.check_alive()
             now = time.monotonic()
@@ -157,22 +167,24 @@ class Demo:
                 raise Failure("no state for %g s" % SILENCE_LIMIT)
             if self.state.failed:
                 raise Failure("the muscle's state became non-finite")
-            if not pictured and elapsed >= rest + 0.9 * half:
-                self.take_picture()
-                pictured = True
+            if self.display and picture is None and elapsed >= rest + 0.8 * half:
+                picture = self.grab(self.arguments.screenshot)
             phase = (elapsed - rest) / half
             self.stimulate(CURRENT if phase >= 0 and int(phase) % 2 == 0 else 0.0)
             if now >= next_line:
                 self.print_line()
                 next_line += 1.0
             if elapsed >= seconds and next_line > began + seconds:
+                self.check_picture(picture)
                 return
             time.sleep(0.02)
 
-    def take_picture(self):
-        path = self.arguments.screenshot
-        subprocess.run(["import", "-display", self.display, "-window", "root", path], check=True)
-        print("screenshot: " + path, flush=True)
+    def check_picture(self, picture):
+        if picture is None:
+            return
+        if picture.wait(30) != 0 or not os.path.getsize(self.arguments.screenshot):
+            raise Failure("no screenshot in " + self.arguments.screenshot)
+        print("screenshot: " + self.arguments.screenshot, flush=True)
 
 
 def parse(argv):
@@ -197,7 +209,7 @@ def main():
         demo.connect()
         demo.drive()
         demo.check_alive()
-    except (Failure, subprocess.CalledProcessError) as failure:
+    except (Failure, OSError, subprocess.SubprocessError) as failure:
         if demo is not None:
             demo.show_log()
         print("demo: %s" % failure, file=sys.stderr)

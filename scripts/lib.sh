@@ -19,11 +19,12 @@ packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev catki
     libroscpp-dev libstd-msgs-dev libsensor-msgs-dev libgeometry-msgs-dev libvisualization-msgs-dev
     libstd-srvs-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev ros-std-msgs ros-geometry-msgs"
 packages_run="python3-roslaunch rosout rosbash python3-rostopic python3-rosnode python3-rosservice
-    python3-rosparam python3-rosmsg rospack-tools python3-rospy python3-std-srvs python3-rosbag"
+    python3-rosparam python3-rosmsg rospack-tools python3-rospy python3-geometry-msgs python3-std-msgs
+    python3-std-srvs python3-rosbag"
 packages_view="rviz"
 packages_screenshot="rviz xvfb xauth libgl1-mesa-dri imagemagick"
 packages_test="libgtest-dev librostest-dev python3-rostest python3-rosunit python3-sensor-msgs
-    python3-visualization-msgs python3-diagnostic-msgs python3-geometry-msgs catkin-lint catkin-tools
+    python3-visualization-msgs python3-diagnostic-msgs catkin-lint catkin-tools
     clang-format git"
 
 if using_opt_ros; then
