@@ -35,6 +35,9 @@ void sphm_state_permute(sphm_state *state, const int32_t *order, void *scratch);
  * when the ids of `from` are not a permutation. `slots` is scratch of count elements. */
 sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_t *slots,
                                   sphm_context *context);
+/* FNV-1a of the time and of every STATE array by particle id, as little-endian bytes (snapshot.c); 0 without
+ * memory. */
+uint64_t sphm_state_hash(const sphm_state *state);
 /* Bytes that sphm_state_create() allocates for `count` particles. */
 size_t sphm_state_bytes(size_t count);
 
