@@ -152,11 +152,11 @@ static void run_sweep(sphm_backend *b, sweep which, double step_s) {
         else if (which == SWEEP_PRESSURE)
             sphm_fluid_set_pressure(c, &b->packs, s, begin, end);
         else
-            sphm_fluid_sweep_forces(c, &b->rows, &b->packs, s, b->motion.rotation, begin, end);
+            sphm_fluid_sweep_forces(c, &b->rows, &b->packs, s, begin, end);
     }
 }
 
-/* DESIGN of a step: everything up to the forces sees the same positions. */
+/* Everything up to the forces sees the same positions. */
 static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *drive, sphm_context *context) {
     sphm_timing *t = &b->timing;
     const double start = sphm_wall_clock_s();

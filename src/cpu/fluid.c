@@ -76,20 +76,17 @@ void sphm_fluid_set_pressure(const sphm_fluid_constants *constants, sphm_fluid_p
 /* Factors of the force sweep that do not depend on the particle. */
 typedef struct force_factors {
     sphm_real pressure, viscosity, tension, pair;
-    sphm_real rotation[9];
 } force_factors;
 
-static force_factors make_factors(const sphm_fluid_constants *c, const double rotation[9]) {
+static force_factors make_factors(const sphm_fluid_constants *c) {
     const double h = (double)c->support_radius_m, m = (double)c->mass_kg;
     const double volume = m / (double)c->density_kg_per_m3;
     force_factors f;
     f.pressure = (sphm_real)(m * sphm_spiky_factor(h));
     f.viscosity = (sphm_real)((double)c->viscosity_Pa_s * m * sphm_viscosity_factor(h));
-    f.tension = f.pressure;
+    f.tension = (sphm_real)((double)f.pressure * SPHM_TENSION_STIFFNESS);
     f.pair = (sphm_real)((double)c->pair_matching_Pa * SPHM_PAIR_STIFFNESS * volume * volume /
                          (m * h * h * h * h));
-    for (int k = 0; k < 9; ++k)
-        f.rotation[k] = (sphm_real)rotation[k];
     return f;
 }
 
@@ -111,7 +108,7 @@ static inline __attribute__((always_inline)) void force_block(const int kind, co
         const int32_t *row = rows->slot + rows->row_start[i];
         const size_t length = rows->row_start[i + 1] - rows->row_start[i];
         const sphm_real pressure = f.pressure * vi.w, viscosity = f.viscosity * vi.w;
-        sphm_real ax = 0, ay = 0, az = 0, tx = 0, ty = 0, tz = 0;
+        sphm_real ax = 0, ay = 0, az = 0;
         for (size_t done = 0; done < length; done += SPHM_CHUNK) {
             const size_t n = chunk_length(length - done);
             sphm_row_read(packs->position, row + done, n, &p);
@@ -120,7 +117,7 @@ static inline __attribute__((always_inline)) void force_block(const int kind, co
                 sphm_row_read(packs->rest, row + done, n, &r);
             if (kind == OBLIQUE_FIBRES)
                 sphm_row_read(packs->tension, row + done, n, &t);
-#pragma omp simd reduction(+ : ax, ay, az, tx, ty, tz)
+#pragma omp simd reduction(+ : ax, ay, az)
             for (int32_t k = 0; k < (int32_t)n; ++k) {
                 const sphm_real dx = pi.x - p.x[k], dy = pi.y - p.y[k], dz = pi.z - p.z[k];
                 const sphm_real q2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
@@ -133,32 +130,22 @@ static inline __attribute__((always_inline)) void force_block(const int kind, co
                     const sphm_real e2 = ex * ex + ey * ey + ez * ez + SPHM_TINY;
                     const sphm_real inverse_e = sphm_inverse_sqrt(e2), e = e2 * inverse_e;
                     const sphm_real weight = sphm_spiky_gradient(e, inverse_e);
-                    push -= f.pair * weight * (q - e) * inverse_q;
+                    sphm_real pull = f.pair * (q - e);
                     if (kind == PARALLEL_FIBRES) {
-                        tx -= weight * (ri.w + r.w[k]) * (fx * ex + fy * ey + fz * ez);
+                        const sphm_real along = fx * ex + fy * ey + fz * ez;
+                        pull += f.tension * (ri.w + r.w[k]) * sphm_fibre_pull(along * inverse_e);
                     } else {
-                        const sphm_real own = weight * (ti.x * ex + ti.y * ey + ti.z * ez);
-                        const sphm_real other = weight * (t.x[k] * ex + t.y[k] * ey + t.z[k] * ez);
-                        tx -= own * ti.x + other * t.x[k];
-                        ty -= own * ti.y + other * t.y[k];
-                        tz -= own * ti.z + other * t.z[k];
+                        const sphm_real own = ti.x * ex + ti.y * ey + ti.z * ez;
+                        const sphm_real other = t.x[k] * ex + t.y[k] * ey + t.z[k] * ez;
+                        pull += f.tension *
+                                (5 * (own * own + other * other) * inverse_e * inverse_e - (ri.w + r.w[k]));
                     }
+                    push -= weight * pull * inverse_q;
                 }
                 ax += push * dx + drag * (v.x[k] - vi.x);
                 ay += push * dy + drag * (v.y[k] - vi.y);
                 az += push * dz + drag * (v.z[k] - vi.z);
             }
-        }
-        if (kind == PARALLEL_FIBRES) {
-            ty = tx * fy;
-            tz = tx * fz;
-            tx = tx * fx;
-        }
-        if (kind != FLUID_ONLY) {
-            const sphm_real *a = f.rotation;
-            ax += f.tension * (a[0] * tx + a[1] * ty + a[2] * tz);
-            ay += f.tension * (a[3] * tx + a[4] * ty + a[5] * tz);
-            az += f.tension * (a[6] * tx + a[7] * ty + a[8] * tz);
         }
         state->ax[i] = ax;
         state->ay[i] = ay;
@@ -167,9 +154,8 @@ static inline __attribute__((always_inline)) void force_block(const int kind, co
 }
 
 void sphm_fluid_sweep_forces(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
-                             const sphm_fluid_packs *packs, sphm_state *state, const double rotation[9],
-                             size_t begin, size_t end) {
-    const force_factors f = make_factors(constants, rotation);
+                             const sphm_fluid_packs *packs, sphm_state *state, size_t begin, size_t end) {
+    const force_factors f = make_factors(constants);
     if (!(constants->pair_matching_Pa > 0) && !(constants->fibre_tension_Pa > 0))
         force_block(FLUID_ONLY, f, rows, packs, state, begin, end);
     else if (!packs->tension)

@@ -31,11 +31,9 @@ void sphm_fluid_sweep_velocity(const sphm_fluid_constants *constants, const sphm
 /* Pressure (12) with its electrical part, and what the force sweep reads of a particle. */
 void sphm_fluid_set_pressure(const sphm_fluid_constants *constants, sphm_fluid_packs *packs,
                              sphm_state *state, size_t begin, size_t end);
-/* Pressure (10), viscosity (11), pair matching and fibre tension: writes the acceleration of the state.
- * `rotation` turns the rest shape as the muscle has turned. */
+/* Pressure (10), viscosity (11), pair matching and fibre tension: writes the acceleration of the state. */
 void sphm_fluid_sweep_forces(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
-                             const sphm_fluid_packs *packs, sphm_state *state, const double rotation[9],
-                             size_t begin, size_t end);
+                             const sphm_fluid_packs *packs, sphm_state *state, size_t begin, size_t end);
 
 #ifdef __cplusplus
 }

@@ -42,13 +42,30 @@ SPHM_FN double sphm_shape_matching_coefficient(const sphm_fluid_constants *c, do
     return k < 1 ? k : 1;
 }
 
-/* Stiffness of a pair of rest neighbours a distance r apart at rest, in the plane of eq 23 with clusters of
+/* Stiffness of a pair of rest neighbours a distance r apart at rest, in the manner of eq 23 with clusters of
  * two particles: the goal positions of a pair lie along its present direction, at its rest distance. A sum of
  * such pulls w(r) (|x| - r) is an isotropic elastic solid with both Lame constants equal to
  *     G = kappa/30  int w r2 dV   (bond-based peridynamics; Silling, J. Mech. Phys. Solids 48 (2000) 175).
  * With w = (1 - q)^2/q and lengths in units of h the integral is 4 pi int (1-q)^2 q3 dq = 4 pi/60, so that
  * kappa = 450 G/pi for V_i V_j in units of h6. */
 #define SPHM_PAIR_STIFFNESS (450 / SPHM_PI)
+
+/* Fibre tension T f f, as pulls along the present direction of pairs of rest neighbours that depend on the
+ * angle between the pair and the fibre at rest, c = cos: V_i V_j (T_i + T_j) C w(r) (5 c2 - 1). The mean of
+ * c2 n n over all directions is (2 f f + 1)/15, that of n n is 1/3: the -1 leaves nothing but f f. C follows
+ * from the stress of pairwise forces, 1/2 int s r n n dV, with int (1-q)^2 dV = 4 pi/30: a quarter of the
+ * factor of the spiky gradient.
+ *
+ * Pulls follow the fibres as they turn, act along the line between two particles (so angular momentum is
+ * conserved), and do not depend on how far apart the pair is now. The usual pair form with the present grad W
+ * pulls ever harder at what is nearer: neighbours clump along the fibres (tensile instability, growth rate
+ * about T/mu). The rest shape's grad W with a fixed direction does not clump, but lacks the stiffness of a
+ * tight string: the matrix between the fibres is compressed and a long belly buckles. Both were tried. */
+#define SPHM_TENSION_STIFFNESS 0.25
+
+SPHM_FN sphm_real sphm_fibre_pull(sphm_real cosine) {
+    return 5 * cosine * cosine - 1;
+}
 
 /* Fibre steering: v <- |v| normalise(v/|v| + beta sign(v.f) f). Turns a velocity towards the fibre's line,
  * never adds speed; a velocity of 0 stays 0. */
