@@ -17,6 +17,7 @@ import time
 import rosgraph
 import rospy
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 from sph_muscle.msg import MuscleState
 
@@ -142,6 +143,7 @@ class Demo:
     def stimulate(self, current):
         if current != self.stimulus:
             self.stimulus = current
+            self.stimulated_at, self.stimulated_wall = self.state.simulated_time, time.monotonic()
             self.publisher.publish(current)
 
     def print_line(self):
@@ -158,7 +160,7 @@ class Demo:
         rest, half = min(1.0, 0.1 * seconds), min(3.0, 0.45 * seconds)
         began = time.monotonic()
         next_line = began + min(1.0, seconds)
-        picture = None
+        pictured = not self.display
         while True:
             self.check_alive()
             now = time.monotonic()
@@ -167,24 +169,37 @@ class Demo:
                 raise Failure("no state for %g s" % SILENCE_LIMIT)
             if self.state.failed:
                 raise Failure("the muscle's state became non-finite")
-            if self.display and picture is None and elapsed >= rest + 0.8 * half:
-                picture = self.grab(self.arguments.screenshot)
+            if not pictured and self.stimulus and self.contracted(now):
+                self.take_picture()
+                pictured = True
+                began += time.monotonic() - now  # the pause does not count
+                next_line += time.monotonic() - now
+                continue
             phase = (elapsed - rest) / half
-            self.stimulate(CURRENT if phase >= 0 and int(phase) % 2 == 0 else 0.0)
+            on = phase >= 0 and int(phase) % 2 == 0
+            self.stimulate(CURRENT if on or (self.stimulus and not pictured) else 0.0)
             if now >= next_line:
                 self.print_line()
                 next_line += 1.0
             if elapsed >= seconds and next_line > began + seconds:
-                self.check_picture(picture)
-                return
+                if pictured:
+                    return
             time.sleep(0.02)
 
-    def check_picture(self, picture):
-        if picture is None:
-            return
-        if picture.wait(30) != 0 or not os.path.getsize(self.arguments.screenshot):
+    def contracted(self, now):
+        """Long enough in simulated time, for on a busy machine that may be slow; but no longer than the limit."""
+        driven = self.state.simulated_time - self.stimulated_at
+        return driven >= 0.6 or now - self.stimulated_wall > START_LIMIT
+
+    def take_picture(self):
+        """Of a paused muscle, so that particles, surface and text belong together however slow rviz is."""
+        pause = rospy.ServiceProxy("/muscle/pause", SetBool)
+        pause(True)
+        time.sleep(5)
+        if self.grab(self.arguments.screenshot).wait(60) != 0:
             raise Failure("no screenshot in " + self.arguments.screenshot)
         print("screenshot: " + self.arguments.screenshot, flush=True)
+        pause(False)
 
 
 def parse(argv):
