@@ -1,5 +1,5 @@
 # The ROS node and its tests; included after the core's targets. Nothing happens without ROS.
-if(SPH_MUSCLE_WITH_ROS AND EXISTS "${PROJECT_SOURCE_DIR}/src/io/create.c")
+if(SPH_MUSCLE_WITH_ROS)
   file(GLOB node_sources CONFIGURE_DEPENDS src/node/*.cpp)
   add_executable(${PROJECT_NAME}_node ${node_sources})
   add_dependencies(${PROJECT_NAME}_node ${${PROJECT_NAME}_EXPORTED_TARGETS} ${catkin_EXPORTED_TARGETS})
