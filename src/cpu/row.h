@@ -21,10 +21,10 @@ typedef struct sphm_pack {
 
 /* One chunk of packs, taken apart. */
 typedef struct sphm_row_buffer {
-    _Alignas(64) sphm_real x[SPHM_CHUNK];
-    _Alignas(64) sphm_real y[SPHM_CHUNK];
-    _Alignas(64) sphm_real z[SPHM_CHUNK];
-    _Alignas(64) sphm_real w[SPHM_CHUNK];
+    sphm_real x[SPHM_CHUNK] __attribute__((aligned(64)));
+    sphm_real y[SPHM_CHUNK] __attribute__((aligned(64)));
+    sphm_real z[SPHM_CHUNK] __attribute__((aligned(64)));
+    sphm_real w[SPHM_CHUNK] __attribute__((aligned(64)));
 } sphm_row_buffer;
 
 #if defined(__AVX512F__) && !defined(SPH_MUSCLE_DOUBLE)
