@@ -42,21 +42,21 @@ enum { SPHM_REGION_ORIGIN = 0, SPHM_REGION_CENTRE = 1, SPHM_REGION_INSERTION = 2
 /* The muscle's rest shape as particles. Arrays are by particle id, 0 ... count - 1. */
 typedef struct sphm_body {
     size_t count;
-    double spacing_m;        /* of the filling; mass per particle = density volume / count */
+    double spacing_m; /* of the filling; mass per particle = density volume / count */
     double volume_m3;
-    double support_radius_m; /* h */
-    double length_m;         /* |insertion - origin| */
-    double mid_radius_m;     /* equivalent radius sqrt(A/pi) of the mid-belly section */
+    double support_radius_m;                     /* h */
+    double length_m;                             /* |insertion - origin| */
+    double mid_radius_m;                         /* equivalent radius sqrt(A/pi) of the mid-belly section */
     double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
     double lower_m[3], upper_m[3];
-    double *positions;       /* [3 * count], m */
-    double *fibres;          /* [3 * count], unit vectors */
-    double *axial_fraction;  /* [count], 0 ... 1: share of the tissue nearer to the origin, by volume */
-    uint8_t *attachment;     /* [count], SPHM_FREE ... */
-    uint8_t *region;         /* [count], SPHM_REGION_...: 20 % / 60 % / 20 % by volume */
-    uint8_t *outer;          /* [count], 1 on the outermost layer of particles */
-    size_t isolated;         /* particles with no neighbour within h */
-    sphm_surface surface;    /* what was filled, repaired */
+    double *positions;      /* [3 * count], m */
+    double *fibres;         /* [3 * count], unit vectors */
+    double *axial_fraction; /* [count], 0 ... 1: share of the tissue nearer to the origin, by volume */
+    uint8_t *attachment;    /* [count], SPHM_FREE ... */
+    uint8_t *region;        /* [count], SPHM_REGION_...: 20 % / 60 % / 20 % by volume */
+    uint8_t *outer;         /* [count], 1 on the outermost layer of particles */
+    size_t isolated;        /* particles with no neighbour within h */
+    sphm_surface surface;   /* what was filled, repaired */
     sphm_surface_report report;
 } sphm_body;
 

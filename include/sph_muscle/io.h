@@ -24,7 +24,8 @@ sphm_status sphm_io_load_surface(const char *path, double scale_m, sphm_surface 
 sphm_status sphm_io_load_parameters(const char *path, sphm_parameters *parameters, sphm_context *context);
 /* Writes every parameter, with unit and help as comments, such that sphm_io_load_parameters() gives the same
  * ones again (paths are made absolute). Needs no YAML library. */
-sphm_status sphm_io_save_parameters(const sphm_parameters *parameters, const char *path, sphm_context *context);
+sphm_status sphm_io_save_parameters(const sphm_parameters *parameters, const char *path,
+                                    sphm_context *context);
 /* Loads the mesh if the parameters name one and creates the muscle. */
 sphm_status sphm_io_create_muscle(const sphm_parameters *parameters, sphm_muscle **muscle,
                                   sphm_context *context);

@@ -64,40 +64,41 @@ const char *sphm_muscle_device(const sphm_muscle *muscle);
  * non-const call on it. */
 typedef struct sphm_particles {
     size_t count;
-    const float *position_m;            /* [3 * count] */
-    const float *velocity_m_per_s;      /* [3 * count] */
-    const float *displacement_vector_m; /* [3 * count], from the rest shape carried by the best rigid motion */
-    const float *displacement_m;        /* [count], its length */
-    const float *pressure_Pa;           /* [count], positive in compression, electrical part included */
+    const float *position_m;       /* [3 * count] */
+    const float *velocity_m_per_s; /* [3 * count] */
+    const float
+        *displacement_vector_m;  /* [3 * count], from the rest shape carried by the best rigid motion */
+    const float *displacement_m; /* [count], its length */
+    const float *pressure_Pa;    /* [count], positive in compression, electrical part included */
     const float *electrical_pressure_Pa; /* [count] */
-    const float *density_kg_per_m3;     /* [count] */
-    const float *membrane_potential_mV; /* [count] */
-    const float *recovery;              /* [count], w */
-    const float *activation;            /* [count], 0 ... 1 */
-    const float *fibre_stretch;         /* [count], current over rest length along the fibre */
+    const float *density_kg_per_m3;      /* [count] */
+    const float *membrane_potential_mV;  /* [count] */
+    const float *recovery;               /* [count], w */
+    const float *activation;             /* [count], 0 ... 1 */
+    const float *fibre_stretch;          /* [count], current over rest length along the fibre */
 } sphm_particles;
 sphm_status sphm_muscle_particles(sphm_muscle *muscle, sphm_particles *particles, sphm_context *context);
 
 /* Sums over the muscle (observables.c). Regions: origin, centre, insertion. */
 typedef struct sphm_observation {
     double time_s;
-    double stimulus_uA_per_mm2; /* of the default electrode */
-    double activation;          /* volume mean */
+    double stimulus_uA_per_mm2;                                    /* of the default electrode */
+    double activation;                                             /* volume mean */
     double membrane_potential_mV, membrane_potential_region_mV[3]; /* means */
     double displacement_mean_m, displacement_max_m;
-    double displacement_region_m[3];          /* means */
-    double displacement_plane_m[3][3];        /* [region][xy, yz, xz]: mean length within the plane */
-    double displacement_sections_m;           /* mean displacement of the centroids of 20 sections */
-    double displacement_surface_m;            /* mean over the outermost particles */
+    double displacement_region_m[3];   /* means */
+    double displacement_plane_m[3][3]; /* [region][xy, yz, xz]: mean length within the plane */
+    double displacement_sections_m;    /* mean displacement of the centroids of 20 sections */
+    double displacement_surface_m;     /* mean over the outermost particles */
     double deformation_by_radius, deformation_by_length; /* mean displacement over rest mid radius, length */
     double pressure_mean_Pa, pressure_region_Pa[3], electrical_pressure_mean_Pa;
-    double length_m;            /* along the line of action, between the centroids of the two ends */
+    double length_m; /* along the line of action, between the centroids of the two ends */
     double lengthening_speed_m_per_s;
-    double shortening;          /* 1 - length / rest length */
-    double bulge;               /* mean radius of the centre region over its rest value, minus 1 */
-    double volume_ratio;        /* sum of m/rho over its rest value */
+    double shortening;   /* 1 - length / rest length */
+    double bulge;        /* mean radius of the centre region over its rest value, minus 1 */
+    double volume_ratio; /* sum of m/rho over its rest value */
     double kinetic_energy_J, speed_max_m_per_s;
-    uint64_t nonfinite;         /* particles with a non-finite value; 0 in a healthy state */
+    uint64_t nonfinite; /* particles with a non-finite value; 0 in a healthy state */
 } sphm_observation;
 sphm_status sphm_muscle_observe(sphm_muscle *muscle, sphm_observation *observation, sphm_context *context);
 
@@ -112,9 +113,9 @@ sphm_status sphm_muscle_load(sphm_muscle *muscle, const char *path, sphm_context
 /* The deforming surface: vertices carried by nearby particles, exact under affine motion (skin.c). */
 typedef struct sphm_skin {
     size_t vertex_count, triangle_count;
-    const float *vertices_m;   /* [3 * vertex_count], now */
-    const int32_t *triangles;  /* [3 * triangle_count] */
-    const float *field;        /* [vertex_count], the field asked for, smoothly interpolated */
+    const float *vertices_m;  /* [3 * vertex_count], now */
+    const int32_t *triangles; /* [3 * triangle_count] */
+    const float *field;       /* [vertex_count], the field asked for, smoothly interpolated */
 } sphm_skin;
 /* `field`: SPHM_FIELD_...; buffers are the muscle's, valid until the next non-const call on it. */
 sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);

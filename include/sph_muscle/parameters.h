@@ -73,9 +73,9 @@ typedef enum sphm_parameter_kind {
 typedef struct sphm_parameter_info {
     const char *name, *unit, *help, *group, *choices; /* choices: "a|b|c", else NULL */
     sphm_parameter_kind kind;
-    double minimum, maximum;    /* real, integer, vector components */
-    const char *default_text;   /* as it would be written in a file */
-    size_t offset;              /* of the value inside sphm_parameters */
+    double minimum, maximum;  /* real, integer, vector components */
+    const char *default_text; /* as it would be written in a file */
+    size_t offset;            /* of the value inside sphm_parameters */
 } sphm_parameter_info;
 
 sphm_parameters sphm_parameters_default(void);

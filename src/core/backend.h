@@ -17,8 +17,8 @@ typedef struct sphm_backend_ops {
     /* `model` is borrowed and outlives the back end. The new back end holds the rest state. */
     sphm_status (*create)(const sphm_model *model, sphm_backend **backend, sphm_context *context);
     void (*destroy)(sphm_backend *backend);
-    /* Takes `count` steps of at most time_step_s under `drive`. Returns SPHM_FAILED_NONFINITE, with particle and
-     * stage in the message, when a value stops being finite. */
+    /* Takes `count` steps of at most time_step_s under `drive`. Returns SPHM_FAILED_NONFINITE, with particle
+     * and stage in the message, when a value stops being finite. */
     sphm_status (*step)(sphm_backend *backend, size_t count, double time_step_s, const sphm_drive *drive,
                         sphm_context *context);
     /* The state, on the host and up to date; valid until the next call. */

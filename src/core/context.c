@@ -49,7 +49,9 @@ const char *sphm_status_name(sphm_status status) {
     return "unknown status";
 }
 
-const char *sphm_version(void) { return SPHM_VERSION; }
+const char *sphm_version(void) {
+    return SPHM_VERSION;
+}
 
 const char *sphm_build_configuration(void) {
 #ifdef SPH_MUSCLE_DOUBLE

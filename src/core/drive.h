@@ -16,7 +16,7 @@ typedef struct sphm_point_force {
 } sphm_point_force;
 
 typedef struct sphm_drive {
-    uint8_t driven[SPHM_ELECTRODE_COUNT];       /* 1 while the electrode carries a current that is not 0 */
+    uint8_t driven[SPHM_ELECTRODE_COUNT]; /* 1 while the electrode carries a current that is not 0 */
     double current_uA_per_mm2[SPHM_ELECTRODE_COUNT];
     size_t force_count;
     sphm_point_force forces[SPHM_MAX_FORCES];

@@ -174,7 +174,8 @@ static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *d
     clock_lap(&lap, &t->density_pressure_s);
     run_sweep(b, SWEEP_FORCES, step_s);
     clock_lap(&lap, &t->forces_s);
-    sphm_cpu_membrane_step(&b->state, &b->rows, &b->diffusion, &b->model->membrane, drive, step_s, b->threads, t);
+    sphm_cpu_membrane_step(&b->state, &b->rows, &b->diffusion, &b->model->membrane, drive, step_s, b->threads,
+                           t);
     lap = sphm_wall_clock_s();
     const int finite = sphm_cpu_integrate(b, step_s);
     clock_lap(&lap, &t->integration_s);
