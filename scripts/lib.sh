@@ -25,7 +25,7 @@ packages_view="rviz"
 packages_screenshot="rviz xvfb xauth libgl1-mesa-dri imagemagick"
 packages_test="libgtest-dev librostest-dev python3-rostest python3-rosunit python3-sensor-msgs
     python3-visualization-msgs python3-diagnostic-msgs catkin-lint catkin-tools
-    clang-format git"
+    clang-format ccache git"
 
 if using_opt_ros; then
     p=ros-$ROS_DISTRO
@@ -36,7 +36,7 @@ if using_opt_ros; then
         $p-rospy $p-rosbag"
     packages_view="$p-rviz"
     packages_screenshot="$p-rviz xvfb xauth libgl1-mesa-dri imagemagick"
-    packages_test="libgtest-dev $p-rostest $p-rosunit git"
+    packages_test="libgtest-dev $p-rostest $p-rosunit ccache git"
 fi
 
 as_root() {
