@@ -260,7 +260,7 @@ class Run(Case):
 class Bench(Case):
     KEYS = {"tissue", "backend", "device", "threads", "particles", "neighbours_per_particle", "steps_per_s",
             "particle_steps_per_s", "rtf", "stage_us", "step_us_median", "step_us_p99", "peak_memory_bytes",
-            "memory_bytes_per_particle"}
+            "memory_bytes_per_particle", "cpu_us_per_step", "cpu_us_per_step_least", "cpu_us_min", "step_us_min"}
     STAGES = {"neighbours", "intermediate_velocity", "density_pressure", "forces", "diffusion", "cell_model",
               "integration", "other"}
 
@@ -277,7 +277,11 @@ class Bench(Case):
         self.assertAlmostEqual(result["particle_steps_per_s"] / result["steps_per_s"] / result["particles"], 1, 4)
         self.assertAlmostEqual(result["rtf"] / result["steps_per_s"] / result["time_step_s"], 1, 4)
         self.assertAlmostEqual(sum(result["stage_us"].values()) * result["steps_per_s"] / 1e6, 1, 3)
+        self.assertLessEqual(result["step_us_min"], result["step_us_median"])
         self.assertLessEqual(result["step_us_median"], result["step_us_p99"])
+        self.assertLessEqual(0, result["cpu_us_min"])
+        self.assertLessEqual(result["cpu_us_min"], result["cpu_us_per_step_least"])
+        self.assertLessEqual(result["cpu_us_per_step_least"], result["cpu_us_per_step"])
         self.assertGreater(result["neighbours_per_particle"], 5)
         self.assertGreater(result["peak_memory_bytes"], 1e6)
         self.assertGreater(result["memory_bytes_per_particle"], 100)
