@@ -135,6 +135,24 @@ TEST(Muscle, ANonFiniteStateStopsItUntilReset) {
     m.advance(0.001);
 }
 
+// Any force ends: finite velocities that make steps shrink to nothing are a failure like an overflow.
+TEST(Muscle, ARunawayStopsItUntilReset) {
+    Muscle m;
+    const double point[3] = {0, 0, 0};
+    for (double newton : {1e9, 1e15, 1e38}) {
+        const double force[3] = {0, newton, 0};
+        ASSERT_EQ(sphm_muscle_apply_force(m.handle, point, force, 1, 0, &m.context), SPHM_OK);
+        EXPECT_EQ(sphm_muscle_advance(m.handle, 0.05, &m.context), SPHM_FAILED_NONFINITE) << newton;
+        if (newton < 1e18) {
+            EXPECT_NE(std::string(m.context.message).find("ran away"), std::string::npos)
+                << m.context.message;
+        }
+        EXPECT_EQ(sphm_muscle_advance(m.handle, 0.05, nullptr), SPHM_FAILED_NONFINITE);
+        ASSERT_EQ(sphm_muscle_reset(m.handle, &m.context), SPHM_OK);
+        m.advance(0.001);
+    }
+}
+
 TEST(Muscle, ResetGivesTheFirstRunAgain) {
     Muscle m;
     m.stimulate(8000);

@@ -24,7 +24,8 @@ void sphm_muscle_destroy(sphm_muscle *muscle); /* NULL is fine */
 sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context);
 
 /* Advances by exactly duration_s > 0 in the fewest equal steps the time-step limits allow.
- * SPHM_FAILED_NONFINITE names the first particle and stage that became non-finite. */
+ * SPHM_FAILED_NONFINITE names the first particle and stage that became non-finite, or says that the particles
+ * ran away towards it. */
 sphm_status sphm_muscle_advance(sphm_muscle *muscle, double duration_s, sphm_context *context);
 /* Takes `count` steps of sphm_muscle_time_step(). */
 sphm_status sphm_muscle_step(sphm_muscle *muscle, size_t count, sphm_context *context);

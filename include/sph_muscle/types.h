@@ -29,7 +29,7 @@ typedef enum sphm_status {
     SPHM_REFUSED_GEOMETRY = 4,    /* empty mesh, no volume, particle count that cannot be met */
     SPHM_REFUSED_UNSUPPORTED = 5, /* known, but not built into this library */
     SPHM_REFUSED_MEMORY = 6,      /* allocation failed */
-    SPHM_FAILED_NONFINITE = -1,   /* the state holds a NaN or an infinity */
+    SPHM_FAILED_NONFINITE = -1,   /* the state holds a NaN or an infinity, or ran away */
     SPHM_FAILED_BACKEND = -2      /* the back end stopped working */
 } sphm_status;
 
