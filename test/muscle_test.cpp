@@ -153,6 +153,26 @@ TEST(Muscle, ARunawayStopsItUntilReset) {
     }
 }
 
+TEST(Muscle, TheNameOfTheDeviceOutlivesAReset) {
+    Muscle m;
+    const char *device = sphm_muscle_device(m.handle);
+    ASSERT_EQ(sphm_muscle_reset(m.handle, &m.context), SPHM_OK);
+    EXPECT_EQ(sphm_muscle_device(m.handle), device);
+    EXPECT_STREQ(device, "cpu, 1 thread");
+}
+
+// A particle costs less than 1 KiB to compute, at the paper's number of neighbours; what looks at it adds its
+// own.
+TEST(Muscle, MemoryIsCountedAndBounded) {
+    Muscle m(Muscle::Settings{{"particles", "9888"}, {"paper_units", "true"}});
+    const size_t computing = sphm_muscle_timing(m.handle).memory_bytes;
+    EXPECT_LT(computing, 1024 * m.count());
+    EXPECT_GT(computing, 100 * m.count());
+    sphm_particles particles;
+    ASSERT_EQ(sphm_muscle_particles(m.handle, &particles, &m.context), SPHM_OK);
+    EXPECT_GT(sphm_muscle_timing(m.handle).memory_bytes, computing + 17 * sizeof(float) * m.count());
+}
+
 TEST(Muscle, ResetGivesTheFirstRunAgain) {
     Muscle m;
     m.stimulate(8000);

@@ -121,14 +121,14 @@ typedef struct sphm_skin {
 /* `field`: SPHM_FIELD_...; buffers are the muscle's, valid until the next non-const call on it. */
 sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
 
-/* Where the time went since creation or the last sphm_muscle_reset_timing(), s of wall time. */
+/* Where the time went since creation, reset or the last sphm_muscle_reset_timing(), s of wall time. */
 typedef struct sphm_timing {
     uint64_t steps;
     double total_s, neighbours_s, intermediate_velocity_s, density_pressure_s, forces_s, diffusion_s,
         cell_model_s, integration_s; /* shape matching counts to the intermediate velocity */
     double neighbours_per_particle;  /* mean, within the support radius */
     uint64_t neighbour_rebuilds;
-    size_t memory_bytes; /* allocated for this muscle */
+    size_t memory_bytes; /* of the state and what computes on it, and of the buffers of what was looked at */
 } sphm_timing;
 sphm_timing sphm_muscle_timing(const sphm_muscle *muscle);
 void sphm_muscle_reset_timing(sphm_muscle *muscle);

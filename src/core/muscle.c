@@ -9,6 +9,7 @@
 
 #include "core/context.h"
 #include "core/electrodes.h"
+#include "core/observer.h"
 
 /* Steps between two looks at the limits: the Courant limit follows the velocities, and a force may throw the
  * particles anywhere within one step. Sixteen were tried: each further step on a scattered muscle took
@@ -23,8 +24,7 @@
 void sphm_muscle_destroy(sphm_muscle *muscle) {
     if (!muscle)
         return;
-    if (muscle->views && muscle->free_views)
-        muscle->free_views(muscle->views);
+    sphm_observer_destroy(muscle->observer);
     if (muscle->backend)
         muscle->ops->destroy(muscle->backend);
     sphm_stimulus_free(&muscle->stimulus);
@@ -64,6 +64,7 @@ static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters,
     if (status != SPHM_OK)
         return status;
     muscle->requested_step_s = parameters->time_step;
+    snprintf(muscle->device, sizeof muscle->device, "%s", muscle->ops->device(muscle->backend));
     warn_time_step(muscle, muscle->ops->limits(muscle->backend).smallest,
                    parameters->time_step_policy == SPHM_TIME_STEP_REDUCE ? context : NULL);
     return check_time_step(muscle, context);
@@ -277,10 +278,13 @@ const sphm_body *sphm_muscle_body(const sphm_muscle *muscle) {
     return &muscle->model.body;
 }
 const char *sphm_muscle_device(const sphm_muscle *muscle) {
-    return muscle->ops->device(muscle->backend);
+    return muscle->device;
 }
 sphm_timing sphm_muscle_timing(const sphm_muscle *muscle) {
-    return muscle->ops->timing(muscle->backend);
+    sphm_timing timing = muscle->ops->timing(muscle->backend);
+    if (muscle->observer)
+        timing.memory_bytes += muscle->observer->memory_bytes;
+    return timing;
 }
 void sphm_muscle_reset_timing(sphm_muscle *muscle) {
     muscle->ops->reset_timing(muscle->backend);

@@ -1,4 +1,4 @@
-/* Inside a muscle: the model, a back end that holds the state, what drives it, and the views others keep.
+/* Inside a muscle: the model, a back end that holds the state, what drives it, and its observer.
  * Private to the library; muscle.c owns it, observables, skin and snapshots read it. */
 #ifndef SPHM_CORE_MUSCLE_H
 #define SPHM_CORE_MUSCLE_H
@@ -33,10 +33,8 @@ struct sphm_muscle {
     int failed;              /* the status of a failed step: only reset, load and destroy are allowed then */
     char failure[1024];
 
-    /* Buffers of the functions that look at the muscle (particles.c, skin.c). Whoever allocates them sets the
-     * function that frees them; `views` starts as NULL. */
-    struct sphm_views *views;
-    void (*free_views)(struct sphm_views *views);
+    char device[64];                /* a copy: a reset makes a new back end */
+    struct sphm_observer *observer; /* made when somebody first looks (observe.c) */
 };
 
 /* The state on the host, up to date, in slot order, relative to model.frame_m. */

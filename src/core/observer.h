@@ -17,7 +17,7 @@ extern "C" {
 
 enum { SPHM_SECTIONS = 20, SPHM_OBSERVER_BLOCK = 1024, SPHM_OBSERVER_NUMBERS = 104 };
 
-typedef struct sphm_views sphm_observer;
+typedef struct sphm_observer sphm_observer;
 
 /* x = to + rotation (X - from), and how fast that changes. */
 typedef struct sphm_rigid_motion {
@@ -33,7 +33,7 @@ typedef struct sphm_sums {
     double end_m[2][3], end_m_per_s[2][3]; /* centroids of the two ends, and their velocities */
 } sphm_sums;
 
-struct sphm_views {
+struct sphm_observer {
     const sphm_model *model; /* borrowed */
     size_t count, blocks;
     int threads;

@@ -3,10 +3,9 @@
 #include "core/observer.h"
 
 sphm_observer *sphm_muscle_observer(sphm_muscle *muscle, sphm_context *context) {
-    if (!muscle->views &&
-        sphm_observer_create(&muscle->model, sphm_muscle_state(muscle), &muscle->views, context) == SPHM_OK)
-        muscle->free_views = sphm_observer_destroy;
-    return muscle->views;
+    if (!muscle->observer)
+        (void)sphm_observer_create(&muscle->model, sphm_muscle_state(muscle), &muscle->observer, context);
+    return muscle->observer;
 }
 
 sphm_status sphm_muscle_particles(sphm_muscle *muscle, sphm_particles *particles, sphm_context *context) {
