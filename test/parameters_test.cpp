@@ -189,6 +189,9 @@ TEST_F(Parameters, RulesBetweenParameters) {
     Set("fibres", "file");
     CheckRefused("fibre_file is empty");
     p = sphm_parameters_default();
+    Set("time_step", "1e-300");
+    CheckRefused("time_step is 1e-300 s; it must be 0 (automatic) or at least 1e-09 s");
+    p = sphm_parameters_default();
     Set("origin", "[1, 2, 3]");
     Set("insertion", "[1, 2, 3]");
     CheckRefused("[1, 2, 3]");

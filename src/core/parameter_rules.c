@@ -86,9 +86,20 @@ static sphm_status check_colours(const sphm_parameters *p, sphm_context *context
                      p->surface_field_min, p->surface_field_max);
 }
 
+/* Shorter steps would not move a time of some hours any more, and a second would take for ever. */
+static sphm_status check_time_step(const sphm_parameters *p, sphm_context *context) {
+    static const double shortest_s = 1e-9;
+    if (p->time_step == 0 || p->time_step >= shortest_s)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_PARAMETER,
+                     "time_step is %g s; it must be 0 (automatic) or at least %g s", p->time_step,
+                     shortest_s);
+}
+
 sphm_status sphm_parameters_check(const sphm_parameters *parameters, sphm_context *context) {
     static sphm_status (*const rules[])(const sphm_parameters *, sphm_context *) = {
-        check_ranges, check_potentials, check_conduction, check_fibres, check_line_of_action, check_colours,
+        check_ranges,         check_potentials, check_conduction, check_fibres,
+        check_line_of_action, check_colours,    check_time_step,
     };
     if (!parameters)
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "parameters are NULL");
