@@ -164,6 +164,16 @@ static int refuse_incomplete(const sphm_run_options *o) {
     return 1;
 }
 
+static int refuse_too_many_samples(const sphm_run_options *o) {
+    const double most = 1e9, samples = o->duration_s / o->every_s;
+    if (o->duration_s <= 1e9 && samples <= most)
+        return 0;
+    sphm_cli_complain("--duration is %g s and --every %g s; the duration must be at most 1e9 s, and the "
+                      "samples, %g, at most %g",
+                      o->duration_s, o->every_s, samples, most);
+    return 1;
+}
+
 int sphm_run_options_parse(int argc, char **argv, sphm_run_options *o, int *exit_code) {
     memset(o, 0, sizeof *o);
     o->every_s = 0.02;
@@ -175,7 +185,7 @@ int sphm_run_options_parse(int argc, char **argv, sphm_run_options *o, int *exit
         sphm_cli_complain("'%s' is not an option; try 'sph_muscle_run --help'", argv[optind]);
         return 0;
     }
-    if (refuse_incomplete(o))
+    if (refuse_incomplete(o) || refuse_too_many_samples(o))
         return 0;
     sphm_context context = sphm_cli_context(1);
     sphm_status status = take_parameters(argc, argv, o, &context);

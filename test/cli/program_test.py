@@ -93,6 +93,8 @@ class BadInput(Case):
         self.refused("--duration", "-1", says=["--duration", "'-1'", "above 0"])
         self.refused("--duration", "nan", says=["--duration", "'nan'"])
         self.refused("--every", "0", says=["--every", "'0'", "above 0"])
+        self.refused("--every", "1e-300", says=["--every", "1e-300", "at most 1e+09"])
+        self.refused("--duration", "1e300", says=["--duration", "1e+300", "at most 1e9 s"])
         self.refused("--set", "particles", says=["'particles'", "name=value"])
 
     def test_parameters(self):
