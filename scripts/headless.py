@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs demo.launch without a screen, drives the stimulus on and off and prints one line of state a second.
 
-Started by scripts/demo. Exit codes: 0 done, 1 the muscle died or went silent, 2 wrong arguments.
+Started by scripts/demo. Exit codes: 0 done, 1 the muscle died or went silent, 2 wrong arguments, 143 terminated.
 """
 import argparse
 import os
@@ -215,6 +215,7 @@ def parse(argv):
 
 def main():
     arguments = parse(sys.argv[1:])
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # by way of `finally`: roslaunch must not stay behind
     processes = Processes()
     log_folder = tempfile.mkdtemp(prefix="sph_muscle_demo_")
     os.environ.setdefault("ROS_LOG_DIR", log_folder)
