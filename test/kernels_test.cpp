@@ -114,14 +114,14 @@ TEST(Kernels, SteeringTurnsButNeverAddsSpeed) {
             c = static_cast<sphm_real>(unit(random));
         const sphm_real before = v[0] * f[0] + v[1] * f[1] + v[2] * f[2];
         const double speed = std::sqrt(double(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
-        sphm_fibre_steer(1, f, v);
+        sphm_fibre_steer(1, f[0], f[1], f[2], &v[0], &v[1], &v[2]);
         const sphm_real after = v[0] * f[0] + v[1] * f[1] + v[2] * f[2];
         EXPECT_NEAR(std::sqrt(double(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])), speed, 2e-6);
         EXPECT_GE(after * before, 0);
         EXPECT_GE(std::abs(after), std::abs(before) - sphm_real(1e-6));
     }
     sphm_real still[3] = {0, 0, 0}, f[3] = {1, 0, 0};
-    sphm_fibre_steer(1, f, still);
+    sphm_fibre_steer(1, f[0], f[1], f[2], &still[0], &still[1], &still[2]);
     EXPECT_EQ(still[0], 0);
 }
 

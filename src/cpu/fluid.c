@@ -9,45 +9,36 @@
 
 static const sphm_real one = 1;
 
-static size_t chunk_length(size_t left) {
-    return left < SPHM_CHUNK ? left : SPHM_CHUNK;
-}
-
 void sphm_fluid_sweep_velocity(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
                                sphm_fluid_packs *packs, sphm_state *state, double step_s, size_t begin,
                                size_t end) {
     const double h = (double)constants->support_radius_m;
     const sphm_real unit = (sphm_real)((double)constants->mass_kg * sphm_poly6_factor(h));  /* m W(0) */
     const sphm_real mixing = (sphm_real)(-expm1(-step_s / (double)constants->xsph_time_s)); /* epsilon */
-    sphm_row_buffer p, v;
 
     for (size_t i = begin; i < end; ++i) {
         const sphm_pack pi = packs->position[i], vi = packs->velocity[i];
         const int32_t *row = rows->slot + rows->row_start[i];
-        const size_t length = rows->row_start[i + 1] - rows->row_start[i];
+        const int32_t length = (int32_t)(rows->row_start[i + 1] - rows->row_start[i]);
         const int32_t neighbours = rows->row_count[i];
-        sphm_real density = 0, sx = 0, sy = 0, sz = 0;
-        for (size_t done = 0; done < length; done += SPHM_CHUNK) {
-            const size_t n = chunk_length(length - done);
-            const int32_t real_entries = neighbours - (int32_t)done;
-            sphm_row_read(packs->position, row + done, n, &p);
-            sphm_row_read(packs->velocity, row + done, n, &v);
-#pragma omp simd reduction(+ : density, sx, sy, sz)
-            for (int32_t k = 0; k < (int32_t)n; ++k) {
-                const sphm_real dx = pi.x - p.x[k], dy = pi.y - p.y[k], dz = pi.z - p.z[k];
-                const sphm_real w = sphm_poly6(dx * dx + dy * dy + dz * dz);
-                density += k < real_entries ? w : 0;
-                const sphm_real share = w / (pi.w + p.w[k]);
-                sx += share * (v.x[k] - vi.x);
-                sy += share * (v.y[k] - vi.y);
-                sz += share * (v.z[k] - vi.z);
-            }
+        sphm_lanes density = {0}, sx = {0}, sy = {0}, sz = {0};
+        for (int32_t k = 0; k < length; k += SPHM_LANES) {
+            const sphm_row_packs p = sphm_row_read(packs->position, row + k);
+            const sphm_row_packs v = sphm_row_read(packs->velocity, row + k);
+            const sphm_lanes dx = pi.x - p.x, dy = pi.y - p.y, dz = pi.z - p.z;
+            const sphm_lanes t = sphm_lanes_positive(1 - (dx * dx + dy * dy + dz * dz));
+            const sphm_lanes w = t * t * t; /* sphm_poly6 */
+            density += sphm_lanes_first(w, neighbours - k);
+            const sphm_lanes share = w * sphm_lanes_inverse(pi.w + p.w);
+            sx += share * (v.x - vi.x);
+            sy += share * (v.y - vi.y);
+            sz += share * (v.z - vi.z);
         }
         const sphm_real pull = 2 * unit * mixing;
-        state->density[i] = unit * (one + density);
-        packs->smoothed[i].x = vi.x + pull * sx;
-        packs->smoothed[i].y = vi.y + pull * sy;
-        packs->smoothed[i].z = vi.z + pull * sz;
+        state->density[i] = unit * (one + sphm_lanes_sum(density));
+        packs->smoothed[i].x = vi.x + pull * sphm_lanes_sum(sx);
+        packs->smoothed[i].y = vi.y + pull * sphm_lanes_sum(sy);
+        packs->smoothed[i].z = vi.z + pull * sphm_lanes_sum(sz);
     }
 }
 
@@ -92,12 +83,10 @@ static force_factors make_factors(const sphm_fluid_constants *c) {
 
 enum { FLUID_ONLY, PARALLEL_FIBRES, OBLIQUE_FIBRES };
 
-/* Compiled three times: without rest shape, with parallel fibres, with fibres that differ. */
-static inline __attribute__((always_inline)) void force_block(const int kind, const force_factors f,
-                                                              const sphm_neighbours *rows,
-                                                              const sphm_fluid_packs *packs,
-                                                              sphm_state *state, size_t begin, size_t end) {
-    sphm_row_buffer p, v, r, t;
+/* Compiled three times: without rest shape, with parallel fibres, with fibres that differ. `t` is
+ * (1 - q)+, so that t is sphm_viscosity_laplacian(q) and t t/q sphm_spiky_gradient(q). */
+SPHM_INLINE void force_block(const int kind, const force_factors f, const sphm_neighbours *rows,
+                             const sphm_fluid_packs *packs, sphm_state *state, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
         const sphm_pack pi = packs->position[i], vi = packs->smoothed[i], ri = packs->rest[i];
         const sphm_real fx = state->fibre_x[i], fy = state->fibre_y[i], fz = state->fibre_z[i];
@@ -108,48 +97,47 @@ static inline __attribute__((always_inline)) void force_block(const int kind, co
         const int32_t *row = rows->slot + rows->row_start[i];
         const size_t length = rows->row_start[i + 1] - rows->row_start[i];
         const sphm_real pressure = f.pressure * vi.w, viscosity = f.viscosity * vi.w;
-        sphm_real ax = 0, ay = 0, az = 0;
-        for (size_t done = 0; done < length; done += SPHM_CHUNK) {
-            const size_t n = chunk_length(length - done);
-            sphm_row_read(packs->position, row + done, n, &p);
-            sphm_row_read(packs->smoothed, row + done, n, &v);
-            if (kind != FLUID_ONLY)
-                sphm_row_read(packs->rest, row + done, n, &r);
-            if (kind == OBLIQUE_FIBRES)
-                sphm_row_read(packs->tension, row + done, n, &t);
-#pragma omp simd reduction(+ : ax, ay, az)
-            for (int32_t k = 0; k < (int32_t)n; ++k) {
-                const sphm_real dx = pi.x - p.x[k], dy = pi.y - p.y[k], dz = pi.z - p.z[k];
-                const sphm_real q2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
-                const sphm_real inverse_q = sphm_inverse_sqrt(q2), q = q2 * inverse_q;
-                const sphm_real spiky = sphm_spiky_gradient(q, inverse_q);
-                sphm_real push = pressure * v.w[k] * (pi.w + p.w[k]) * spiky;
-                const sphm_real drag = viscosity * v.w[k] * sphm_viscosity_laplacian(q);
-                if (kind != FLUID_ONLY) {
-                    const sphm_real ex = ri.x - r.x[k], ey = ri.y - r.y[k], ez = ri.z - r.z[k];
-                    const sphm_real e2 = ex * ex + ey * ey + ez * ez + SPHM_TINY;
-                    const sphm_real inverse_e = sphm_inverse_sqrt(e2), e = e2 * inverse_e;
-                    const sphm_real weight = sphm_spiky_gradient(e, inverse_e);
-                    sphm_real pull = f.pair * (q - e);
-                    if (kind == PARALLEL_FIBRES) {
-                        const sphm_real along = fx * ex + fy * ey + fz * ez;
-                        pull += f.tension * (ri.w + r.w[k]) * sphm_fibre_pull(along * inverse_e);
-                    } else {
-                        const sphm_real own = ti.x * ex + ti.y * ey + ti.z * ez;
-                        const sphm_real other = t.x[k] * ex + t.y[k] * ey + t.z[k] * ez;
-                        pull += f.tension *
-                                (5 * (own * own + other * other) * inverse_e * inverse_e - (ri.w + r.w[k]));
-                    }
-                    push -= weight * pull * inverse_q;
+        sphm_lanes ax = {0}, ay = {0}, az = {0};
+        for (size_t k = 0; k < length; k += SPHM_LANES) {
+            const sphm_row_packs p = sphm_row_read(packs->position, row + k);
+            const sphm_row_packs v = sphm_row_read(packs->smoothed, row + k);
+            const sphm_lanes dx = pi.x - p.x, dy = pi.y - p.y, dz = pi.z - p.z;
+            const sphm_lanes q2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
+            const sphm_lanes inverse_q = sphm_lanes_inverse_sqrt(q2), gap = 1 - q2 * inverse_q;
+            const sphm_lanes t = sphm_lanes_positive(gap), share = t * v.w;
+            const sphm_lanes drag = viscosity * share;
+            sphm_lanes push = pressure * share * (pi.w + p.w) * t;
+            if (kind != FLUID_ONLY) {
+                const sphm_row_packs r = sphm_row_read(packs->rest, row + k);
+                const sphm_lanes ex = ri.x - r.x, ey = ri.y - r.y, ez = ri.z - r.z;
+                const sphm_lanes e2 = ex * ex + ey * ey + ez * ez + SPHM_TINY;
+                const sphm_lanes inverse_e = sphm_lanes_inverse_sqrt(e2), rest_gap = 1 - e2 * inverse_e;
+                const sphm_lanes rest_t = sphm_lanes_positive(rest_gap);
+                /* q - e, from 1 - q and 1 - e: made alike, they are equal to the bit at rest, whatever
+                 * products and differences the compiler fuses. Written as q - e only one of the two was
+                 * rounded. */
+                sphm_lanes pull = f.pair * (rest_gap - gap);
+                if (kind == PARALLEL_FIBRES) {
+                    const sphm_lanes cosine = (fx * ex + fy * ey + fz * ez) * inverse_e;
+                    pull += f.tension * (ri.w + r.w) * (5 * cosine * cosine - 1); /* sphm_fibre_pull */
+                } else {
+                    const sphm_row_packs other_tension = sphm_row_read(packs->tension, row + k);
+                    const sphm_lanes own = ti.x * ex + ti.y * ey + ti.z * ez;
+                    const sphm_lanes other =
+                        other_tension.x * ex + other_tension.y * ey + other_tension.z * ez;
+                    pull +=
+                        f.tension * (5 * (own * own + other * other) * inverse_e * inverse_e - (ri.w + r.w));
                 }
-                ax += push * dx + drag * (v.x[k] - vi.x);
-                ay += push * dy + drag * (v.y[k] - vi.y);
-                az += push * dz + drag * (v.z[k] - vi.z);
+                push -= rest_t * rest_t * inverse_e * pull;
             }
+            push *= inverse_q;
+            ax += push * dx + drag * (v.x - vi.x);
+            ay += push * dy + drag * (v.y - vi.y);
+            az += push * dz + drag * (v.z - vi.z);
         }
-        state->ax[i] = ax;
-        state->ay[i] = ay;
-        state->az[i] = az;
+        state->ax[i] = sphm_lanes_sum(ax);
+        state->ay[i] = sphm_lanes_sum(ay);
+        state->az[i] = sphm_lanes_sum(az);
     }
 }
 

@@ -41,36 +41,46 @@ static int collect(sphm_backend *b) {
     return !nonfinite;
 }
 
-static void move_block(sphm_backend *b, sphm_real step, size_t begin, size_t end) {
-    sphm_state *s = &b->state;
-    const sphm_pack *w = b->packs.smoothed;
+static void kick_block(sphm_state *s, const sphm_pack *w, sphm_real step, size_t begin, size_t end) {
+#pragma omp simd
     for (size_t i = begin; i < end; ++i) {
-        const sphm_real free = s->attachment[i] == SPHM_FREE;
         const sphm_real vx = w[i].x + step * s->ax[i], vy = w[i].y + step * s->ay[i],
                         vz = w[i].z + step * s->az[i];
-        s->vx[i] = free > 0 ? vx : 0;
-        s->vy[i] = free > 0 ? vy : 0;
-        s->vz[i] = free > 0 ? vz : 0;
+        const int free = s->attachment[i] == SPHM_FREE;
+        s->vx[i] = free ? vx : 0;
+        s->vy[i] = free ? vy : 0;
+        s->vz[i] = free ? vz : 0;
     }
-    const sphm_real beta = b->model->fluid.fibre_steering;
-    if (beta > 0)
-        for (size_t i = begin; i < end; ++i) {
-            const double rest[3] = {(double)s->fibre_x[i], (double)s->fibre_y[i], (double)s->fibre_z[i]};
-            sphm_real f[3], v[3] = {s->vx[i], s->vy[i], s->vz[i]};
-            for (int d = 0; d < 3; ++d) {
-                const double *r = b->motion.rotation + 3 * d;
-                f[d] = (sphm_real)(r[0] * rest[0] + r[1] * rest[1] + r[2] * rest[2]);
-            }
-            sphm_fibre_steer(beta, f, v);
-            s->vx[i] = v[0];
-            s->vy[i] = v[1];
-            s->vz[i] = v[2];
-        }
+}
+
+/* Fibres are at rest's in the state, and turn with the muscle as a whole. */
+static void steer_block(sphm_state *s, const double rotation[9], sphm_real beta, size_t begin, size_t end) {
+    sphm_real r[9];
+    for (int k = 0; k < 9; ++k)
+        r[k] = (sphm_real)rotation[k];
+#pragma omp simd
+    for (size_t i = begin; i < end; ++i) {
+        const sphm_real x = s->fibre_x[i], y = s->fibre_y[i], z = s->fibre_z[i];
+        sphm_fibre_steer(beta, r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z,
+                         r[6] * x + r[7] * y + r[8] * z, &s->vx[i], &s->vy[i], &s->vz[i]);
+    }
+}
+
+static void drift_block(sphm_state *s, sphm_real step, size_t begin, size_t end) {
+#pragma omp simd
     for (size_t i = begin; i < end; ++i) {
         s->x[i] += step * s->vx[i];
         s->y[i] += step * s->vy[i];
         s->z[i] += step * s->vz[i];
     }
+}
+
+static void move_block(sphm_backend *b, sphm_real step, size_t begin, size_t end) {
+    const sphm_real beta = b->model->fluid.fibre_steering;
+    kick_block(&b->state, b->packs.smoothed, step, begin, end);
+    if (beta > 0)
+        steer_block(&b->state, b->motion.rotation, beta, begin, end);
+    drift_block(&b->state, step, begin, end);
 }
 
 int sphm_cpu_integrate(sphm_backend *b, double step_s) {

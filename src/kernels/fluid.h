@@ -68,20 +68,20 @@ SPHM_FN sphm_real sphm_fibre_pull(sphm_real cosine) {
 }
 
 /* Fibre steering: v <- |v| normalise(v/|v| + beta sign(v.f) f). Turns a velocity towards the fibre's line,
- * never adds speed; a velocity of 0 stays 0. */
-SPHM_FN void sphm_fibre_steer(sphm_real beta, const sphm_real f[3], sphm_real v[3]) {
-    const sphm_real speed2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    if (!(speed2 > (sphm_real)1e-30))
-        return;
-    const sphm_real inverse = sphm_inverse_sqrt(speed2), speed = speed2 * inverse;
-    const sphm_real along = v[0] * f[0] + v[1] * f[1] + v[2] * f[2];
+ * never adds speed; a velocity of 0 stays 0. Without branches and arrays, for the sake of vectorisation. */
+SPHM_FN void sphm_fibre_steer(sphm_real beta, sphm_real fx, sphm_real fy, sphm_real fz, sphm_real *vx,
+                              sphm_real *vy, sphm_real *vz) {
+    const sphm_real x = *vx, y = *vy, z = *vz;
+    const sphm_real speed2 = x * x + y * y + z * z;
+    const int moving = speed2 > (sphm_real)1e-30;
+    const sphm_real inverse = sphm_inverse_sqrt(moving ? speed2 : 1), speed = speed2 * inverse;
+    const sphm_real along = x * fx + y * fy + z * fz;
     const sphm_real turn = along > 0 ? beta : along < 0 ? -beta : 0;
-    sphm_real t[3];
-    for (int d = 0; d < 3; ++d)
-        t[d] = v[d] * inverse + turn * f[d];
-    const sphm_real scale = speed * sphm_inverse_sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
-    for (int d = 0; d < 3; ++d)
-        v[d] = t[d] * scale;
+    const sphm_real tx = x * inverse + turn * fx, ty = y * inverse + turn * fy, tz = z * inverse + turn * fz;
+    const sphm_real scale = speed * sphm_inverse_sqrt(tx * tx + ty * ty + tz * tz + SPHM_TINY);
+    *vx = moving ? tx * scale : x;
+    *vy = moving ? ty * scale : y;
+    *vz = moving ? tz * scale : z;
 }
 
 #endif
