@@ -1,0 +1,192 @@
+// The solid material at a point against its own energy (differences), closed forms and symmetry.
+#include "kernels/solid.h"
+
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+namespace {
+
+constexpr bool kDouble = sizeof(sphm_real) == 8;
+
+// Table 3 of the paper, with what it leaves out as FEM practice has it.
+sphm_solid_constants table3(int coupling = SPHM_FIBRE_TRUE_STRETCH) {
+    sphm_solid_constants c{};
+    c.along_fibre_shear_Pa = 500;
+    c.cross_fibre_shear_Pa = 500;
+    c.bulk_Pa = 1e5;
+    c.max_isometric_stress_Pa = 3e5;
+    c.optimal_stretch = sphm_real(1.07);
+    c.passive_linear_stretch = sphm_real(1.4);
+    c.passive_coefficient = sphm_real(0.05);
+    c.passive_exponent = sphm_real(6.6);
+    c.fibre_coupling = coupling;
+    return c;
+}
+
+// The energies again, written down independently from the definitions on Cbar, in long double.
+long double matrix_energy(const long double F[9], const double f0[3], const sphm_solid_constants &c) {
+    const long double J = F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) +
+                          F[2] * (F[3] * F[7] - F[4] * F[6]);
+    const long double s = powl(J, -2.0L / 3);
+    long double C[9];
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+            C[3 * i + j] = 0;
+            for (int k = 0; k < 3; ++k)
+                C[3 * i + j] += s * F[3 * k + i] * F[3 * k + j];
+        }
+    long double I4 = 0, I5 = 0;
+    for (int i = 0; i < 3; ++i) {
+        const long double b = C[3 * i] * f0[0] + C[3 * i + 1] * f0[1] + C[3 * i + 2] * f0[2];
+        I4 += b * f0[i];
+        I5 += b * b;
+    }
+    const long double I1 = C[0] + C[4] + C[8];
+    const long double x = (I1 * I4 - I5) / (2 * sqrtl(I4)), B2 = acoshl(x < 1 ? 1 : x);
+    return c.along_fibre_shear_Pa * (I5 / (I4 * I4) - 1) + c.cross_fibre_shear_Pa * B2 * B2 +
+           c.bulk_Pa / 2 * logl(J) * logl(J);
+}
+
+struct Sample {
+    sphm_real F[9], f0[3];
+    long double F_exact[9];
+    double f0_exact[3];
+};
+
+Sample random_sample(std::mt19937 &random, double spread) {
+    std::uniform_real_distribution<double> uniform(-spread, spread);
+    Sample s;
+    double length = 0;
+    for (int i = 0; i < 3; ++i) {
+        s.f0_exact[i] = uniform(random) + (i == 0 ? 1 : 0);
+        length += s.f0_exact[i] * s.f0_exact[i];
+    }
+    for (int i = 0; i < 3; ++i)
+        s.f0[i] = sphm_real(s.f0_exact[i] /= std::sqrt(length));
+    for (int i = 0; i < 9; ++i) {
+        s.F[i] = sphm_real((i % 4 == 0 ? 1 : 0) + uniform(random));
+        s.F_exact[i] = s.F[i];
+    }
+    return s;
+}
+
+TEST(SolidMaterial, StressIsTheDerivativeOfTheEnergy) {
+    std::mt19937 random(7);
+    auto c = table3();
+    c.max_isometric_stress_Pa = 0; // the matrix alone: the fibre law is not an energy of the true stretch
+    for (int trial = 0; trial < 50; ++trial) {
+        Sample s = random_sample(random, 0.25);
+        sphm_real P[9];
+        sphm_fibre_stress fibre;
+        sphm_solid_stress(s.F, s.f0, 0, &c, P, &fibre);
+        for (int i = 0; i < 9; ++i) {
+            const long double h = 1e-5L;
+            long double up[9], down[9];
+            for (int k = 0; k < 9; ++k)
+                up[k] = down[k] = s.F_exact[k];
+            up[i] += h;
+            down[i] -= h;
+            const double expected =
+                double((matrix_energy(up, s.f0_exact, c) - matrix_energy(down, s.f0_exact, c)) / (2 * h));
+            EXPECT_NEAR(P[i], expected, kDouble ? 1e-3 : 1e5 * 2e-6) << "trial " << trial << " entry " << i;
+        }
+    }
+}
+
+TEST(SolidMaterial, CauchyStressIsSymmetricForBothFibreCouplings) {
+    std::mt19937 random(11);
+    for (int coupling : {SPHM_FIBRE_TRUE_STRETCH, SPHM_FIBRE_VOLUME_FREE}) {
+        const auto c = table3(coupling);
+        for (int trial = 0; trial < 50; ++trial) {
+            Sample s = random_sample(random, 0.3);
+            sphm_real P[9];
+            sphm_fibre_stress fibre;
+            sphm_solid_stress(s.F, s.f0, sphm_real(0.7), &c, P, &fibre);
+            double tau[9] = {}, size = 0; // Kirchhoff stress P F^T
+            for (int i = 0; i < 3; ++i)
+                for (int j = 0; j < 3; ++j)
+                    for (int k = 0; k < 3; ++k)
+                        tau[3 * i + j] += double(P[3 * i + k]) * s.F[3 * j + k];
+            for (double entry : tau)
+                size = std::fmax(size, std::fabs(entry));
+            const double bound = size * (kDouble ? 1e-12 : 4e-6);
+            EXPECT_NEAR(tau[1], tau[3], bound);
+            EXPECT_NEAR(tau[2], tau[6], bound);
+            EXPECT_NEAR(tau[5], tau[7], bound);
+        }
+    }
+}
+
+TEST(SolidMaterial, RestAndRotationCarryNoStressWithoutFibreForce) {
+    const auto c = table3();
+    const double angle = 0.8;
+    const sphm_real cosine = sphm_real(std::cos(angle)), sine = sphm_real(std::sin(angle));
+    const sphm_real F[9] = {cosine, -sine, 0, sine, cosine, 0, 0, 0, 1}, f0[3] = {1, 0, 0};
+    sphm_real P[9];
+    sphm_fibre_stress fibre;
+    EXPECT_NEAR(sphm_solid_stress(F, f0, 0, &c, P, &fibre), 1, 1e-6);
+    for (double entry : P)
+        EXPECT_NEAR(entry, 0, 1e5 * (kDouble ? 1e-14 : 3e-7));
+}
+
+TEST(SolidMaterial, UniaxialFibreStretchCarriesTheFibreLaw) {
+    // Volume kept, fibre along x: along minus across = sigma_max (alpha f_a + f_p) r beyond the matrix.
+    for (int coupling : {SPHM_FIBRE_TRUE_STRETCH, SPHM_FIBRE_VOLUME_FREE})
+        for (double stretch : {0.7, 0.95, 1.07, 1.2, 1.45, 1.6})
+            for (double alpha : {0.0, 0.5, 1.0}) {
+                auto c = table3(coupling), matrix = c;
+                matrix.max_isometric_stress_Pa = 0;
+                const double side = 1 / std::sqrt(stretch);
+                const sphm_real F[9] = {sphm_real(stretch), 0, 0, 0, sphm_real(side), 0, 0, 0,
+                                        sphm_real(side)};
+                const sphm_real f0[3] = {1, 0, 0};
+                sphm_real P[9], without[9];
+                sphm_fibre_stress fibre, ignored;
+                sphm_solid_stress(F, f0, sphm_real(alpha), &c, P, &fibre);
+                sphm_solid_stress(F, f0, sphm_real(alpha), &matrix, without, &ignored);
+                const double r = stretch / 1.07;
+                const double active = r <= 0.4 || r >= 1.6 ? 0
+                                      : r < 0.6            ? 9 * (r - 0.4) * (r - 0.4)
+                                      : r > 1.4            ? 9 * (r - 1.6) * (r - 1.6)
+                                                           : 1 - 4 * (1 - r) * (1 - r);
+                const double steep = 0.05 * std::exp(6.6 * 0.4);
+                const double passive = r <= 1    ? 0
+                                       : r < 1.4 ? 0.05 * (std::exp(6.6 * (r - 1)) - 1)
+                                                 : steep - 0.05 + 6.6 * steep * (r - 1.4);
+                const double cauchy = 3e5 * (alpha * active + passive) * r;
+                const double along = (P[0] - without[0]) * stretch, across = (P[4] - without[4]) * side;
+                const double bound = 3e5 * (kDouble ? 1e-7 : 3e-6);
+                EXPECT_NEAR(along - across, cauchy, bound) << stretch << " " << alpha;
+                if (coupling == SPHM_FIBRE_TRUE_STRETCH)
+                    EXPECT_NEAR(across, 0, bound); // the stress stands along the fibre alone
+                else
+                    EXPECT_NEAR(along + 2 * across, 0, bound); // a deviator has no trace
+            }
+}
+
+TEST(SolidMaterial, SeriesOfTheCrossFibreAngleMeetsTheClosedForm) {
+    for (double e = 1e-6; e < 0.2; e *= 1.3) {
+        const long double x = sphm_real(1 + e), root = sqrtl(x * x - 1);
+        EXPECT_NEAR(double(sphm_solid_angle_over_sinh(sphm_real(x))), double(acoshl(x) / root), 4e-7) << e;
+    }
+}
+
+TEST(SolidMaterial, CompressiveFibreStiffnessActsBelowRestLengthOnly) {
+    auto c = table3();
+    c.passive_compressive_Pa = 1e4;
+    EXPECT_NEAR(sphm_solid_fibre_stress(sphm_real(0.8), 0, &c).passive_Pa, -2000, 0.01);
+    EXPECT_EQ(sphm_solid_fibre_stress(sphm_real(1.01), 0, &c).passive_Pa, 0);
+}
+
+TEST(SolidMaterial, AnInvertedParticleIsReported) {
+    const auto c = table3();
+    const sphm_real F[9] = {-1, 0, 0, 0, 1, 0, 0, 0, 1}, f0[3] = {1, 0, 0};
+    sphm_real P[9];
+    sphm_fibre_stress fibre;
+    EXPECT_LT(sphm_solid_stress(F, f0, 0, &c, P, &fibre), 0);
+    EXPECT_TRUE(std::isnan(P[0]));
+}
+
+} // namespace
