@@ -1,0 +1,199 @@
+/* Gradients on the rest shape; see gradient.h. Reads rest positions and neighbour rows, computes in double,
+ * stores what the sweeps read. Serial: it runs once, at creation. */
+#include "core/gradient.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/context.h"
+
+/* Power iterations: each is two sweeps over the pairs; the eigenvalue is then known within a few per cent,
+ * from below, which ESTIMATE_MARGIN makes up for. */
+#define ITERATIONS 24
+#define ESTIMATE_MARGIN 1.05
+/* Neighbours count as lying in a plane when det M is below this share of (tr M/3)^3. */
+#define SINGULAR 1e-4
+/* What is then added to M, as a share of its trace: enough to keep the gradient out of the plane at zero
+ * instead of amplifying rounding, little enough to leave the gradient in the plane alone. */
+#define REGULARISATION 0.02
+
+void sphm_gradient_free(sphm_gradient *gradient) {
+    free(gradient->pair);
+    free(gradient->correction);
+    memset(gradient, 0, sizeof *gradient);
+}
+
+/* -W'(R)/R of the cubic spline with support h, 1/m5. */
+static double spline_weight(double r, double h) {
+    const double q = r / h, scale = 8 / (3.14159265358979323846 * h * h * h * h * h);
+    if (q >= 1)
+        return 0;
+    return q < 0.5 ? scale * (12 - 18 * q) : scale * 6 * (1 - q) * (1 - q) / q;
+}
+
+/* Inverse of the symmetric matrix m (xx, xy, xz, yy, yz, zz); returns its determinant. */
+static double invert_symmetric(const double m[6], double inverse[6]) {
+    const double c0 = m[3] * m[5] - m[4] * m[4], c1 = m[2] * m[4] - m[1] * m[5],
+                 c2 = m[1] * m[4] - m[2] * m[3];
+    const double determinant = m[0] * c0 + m[1] * c1 + m[2] * c2;
+    inverse[0] = c0 / determinant;
+    inverse[1] = c1 / determinant;
+    inverse[2] = c2 / determinant;
+    inverse[3] = (m[0] * m[5] - m[2] * m[2]) / determinant;
+    inverse[4] = (m[1] * m[2] - m[0] * m[4]) / determinant;
+    inverse[5] = (m[0] * m[3] - m[1] * m[1]) / determinant;
+    return determinant;
+}
+
+static void correct(sphm_gradient *gradient, size_t slot, double m[6]) {
+    double inverse[6] = {0, 0, 0, 0, 0, 0};
+    const double mean = (m[0] + m[3] + m[5]) / 3;
+    if (!(mean > 0)) {
+        ++gradient->isolated;
+    } else if (!(invert_symmetric(m, inverse) > SINGULAR * mean * mean * mean)) {
+        ++gradient->regularised;
+        for (int d = 0; d < 6; d += d ? 2 : 3) /* 0, 3, 5 */
+            m[d] += 3 * REGULARISATION * mean;
+        invert_symmetric(m, inverse);
+    }
+    for (int d = 0; d < 6; ++d)
+        gradient->correction[6 * slot + (size_t)d] = (sphm_real)inverse[d];
+}
+
+/* Weights of a row and, from the weights as they were rounded, its correction. */
+static void build_row(sphm_gradient *gradient, const sphm_neighbours *rows, size_t slot, const sphm_real *x,
+                      const sphm_real *y, const sphm_real *z, double radius, double volume) {
+    double m[6] = {0, 0, 0, 0, 0, 0};
+    for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
+        const int32_t j = rows->slot[k];
+        const double X = (double)x[j] - (double)x[slot], Y = (double)y[j] - (double)y[slot],
+                     Z = (double)z[j] - (double)z[slot];
+        const double r = sqrt(X * X + Y * Y + Z * Z);
+        const double w = r > 0 ? volume * spline_weight(r, radius) : 0;
+        sphm_real *pair = gradient->pair + 4 * k;
+        pair[0] = (sphm_real)(w * X);
+        pair[1] = (sphm_real)(w * Y);
+        pair[2] = (sphm_real)(w * Z);
+        pair[3] = (sphm_real)w;
+        m[0] += (double)pair[0] * X;
+        m[1] += (double)pair[0] * Y;
+        m[2] += (double)pair[0] * Z;
+        m[3] += (double)pair[1] * Y;
+        m[4] += (double)pair[1] * Z;
+        m[5] += (double)pair[2] * Z;
+    }
+    correct(gradient, slot, m);
+}
+
+/* g = B v */
+static void apply_correction(const sphm_gradient *gradient, size_t slot, const double v[3], double g[3]) {
+    const sphm_real *b = gradient->correction + 6 * slot;
+    g[0] = b[0] * v[0] + b[1] * v[1] + b[2] * v[2];
+    g[1] = b[1] * v[0] + b[3] * v[1] + b[4] * v[2];
+    g[2] = b[2] * v[0] + b[4] * v[1] + b[5] * v[2];
+}
+
+/* grad phi of every particle, and (into `jumps`) the sum of w (phi_j - phi_i). */
+static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *phi,
+                           double *grad, double *jumps) {
+    for (size_t slot = 0; slot < gradient->count; ++slot) {
+        double sum[4] = {0, 0, 0, 0};
+        for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
+            const double difference = phi[rows->slot[k]] - phi[slot];
+            for (int d = 0; d < 4; ++d)
+                sum[d] += (double)gradient->pair[4 * k + (size_t)d] * difference;
+        }
+        apply_correction(gradient, slot, sum, grad + 3 * slot);
+        jumps[slot] = sum[3];
+    }
+}
+
+/* Minus the derivative of half the quadratic form: of sum |grad phi|^2 (hourglass 0), or of the hourglass
+ * energy (1), whose own derivative with respect to grad phi vanishes (doc/solid.md). */
+static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *grad,
+                          const double *jumps, int hourglass, double *force) {
+    for (size_t slot = 0; slot < gradient->count; ++slot) {
+        double own[3];
+        if (hourglass)
+            memcpy(own, grad + 3 * slot, sizeof own);
+        else
+            apply_correction(gradient, slot, grad + 3 * slot, own);
+        double sum = 0;
+        for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
+            const size_t j = (size_t)rows->slot[k];
+            double other[3];
+            if (hourglass)
+                memcpy(other, grad + 3 * j, sizeof other);
+            else
+                apply_correction(gradient, j, grad + 3 * j, other);
+            for (int d = 0; d < 3; ++d)
+                sum += (double)gradient->pair[4 * k + (size_t)d] * (own[d] + other[d]);
+        }
+        force[slot] = hourglass ? jumps[slot] - sum / 2 : sum;
+    }
+}
+
+/* Largest eigenvalue by power iteration from a start that has no symmetry. `work`: 6 doubles a particle. */
+static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neighbours *rows, int hourglass,
+                                 double *work) {
+    const size_t n = gradient->count;
+    double *phi = work, *force = work + n, *jumps = work + 2 * n, *grad = work + 3 * n;
+    uint32_t random = 12345;
+    for (size_t i = 0; i < n; ++i) {
+        random = random * 1664525u + 1013904223u;
+        phi[i] = (double)random / 4294967296.0 - 0.5;
+    }
+    double eigenvalue = 0;
+    for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
+        sweep_gradient(gradient, rows, phi, grad, jumps);
+        sweep_adjoint(gradient, rows, grad, jumps, hourglass, force);
+        double norm = 0, before = 0;
+        for (size_t i = 0; i < n; ++i) {
+            norm += force[i] * force[i];
+            before += phi[i] * phi[i];
+        }
+        if (!(norm > 0))
+            return 0;
+        eigenvalue = sqrt(norm / before);
+        for (size_t i = 0; i < n; ++i)
+            phi[i] = force[i] / sqrt(norm);
+    }
+    return ESTIMATE_MARGIN * eigenvalue;
+}
+
+static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows, double **work,
+                            sphm_context *context) {
+    const size_t n = rows->count, pairs = rows->row_start[n];
+    const size_t bytes = (4 * pairs * sizeof(sphm_real) + 127) / 128 * 128;
+    gradient->count = n;
+    gradient->pair = (sphm_real *)aligned_alloc(128, bytes ? bytes : 128);
+    gradient->correction = (sphm_real *)malloc((6 * n + 1) * sizeof(sphm_real));
+    *work = (double *)malloc((6 * n + 1) * sizeof(double));
+    if (gradient->pair && gradient->correction && *work)
+        return SPHM_OK;
+    free(*work);
+    sphm_gradient_free(gradient);
+    return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the gradients of %zu particles, %zu pairs",
+                     n, pairs);
+}
+
+sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
+                                 const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
+                                 sphm_context *context) {
+    memset(gradient, 0, sizeof *gradient);
+    double *work;
+    const sphm_status status = allocate(gradient, rows, &work, context);
+    if (status != SPHM_OK)
+        return status;
+    size_t pairs = 0;
+    for (size_t slot = 0; slot < rows->count; ++slot) {
+        build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
+        pairs += (size_t)rows->row_count[slot];
+    }
+    gradient->neighbours_per_particle = rows->count ? (double)pairs / (double)rows->count : 0;
+    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, 0, work);
+    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, 1, work);
+    free(work);
+    return SPHM_OK;
+}

@@ -1,0 +1,42 @@
+/* Gradients on the rest shape: what the solid tissue needs to know of a particle's neighbours, fixed at
+ * creation.
+ *
+ *     w_ij = -V W'(R)/R >= 0            pair weight, symmetric; R = |X_ij|, X_ij = X_j - X_i
+ *     B_i  = (sum_j w_ij X_ij X_ij^T)^-1   first-order correction (Bonet and Lok 1999; Randles, Libersky
+ * 1996) grad phi_i = sum_j w_ij (phi_j - phi_i) B_i X_ij
+ *
+ * is exact for a linear phi at every particle that has four or more neighbours that do not lie in a plane,
+ * boundary included, on any arrangement. */
+#ifndef SPHM_CORE_GRADIENT_H
+#define SPHM_CORE_GRADIENT_H
+
+#include "core/neighbours.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_gradient {
+    size_t count;
+    sphm_real *pair;       /* [4 * rows->row_start[count]]: w X, w Y, w Z (1/m), w (1/m2); 0 in the padding */
+    sphm_real *correction; /* [6 * count], B: xx, xy, xz, yy, yz, zz */
+    /* Largest eigenvalues over the particles, 1/m2, that bound every frequency of the tissue: of the sum of
+     * |grad phi|^2, and of the hourglass energy's sum of w |phi_j - phi_i - grad phi_i . X_ij|^2 / 2. */
+    double gradient_eigenvalue, hourglass_eigenvalue;
+    double neighbours_per_particle; /* mean */
+    size_t
+        regularised; /* particles whose neighbours lie (nearly) in a plane: their gradient misses the rest */
+    size_t isolated; /* particles without a neighbour: no gradient, no force */
+} sphm_gradient;
+
+void sphm_gradient_free(sphm_gradient *gradient); /* a zeroed one is fine */
+/* `rows` holds all pairs within radius_m at the rest positions x, y, z (slot order). On anything but SPHM_OK
+ * `gradient` is zeroed. */
+sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
+                                 const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
+                                 sphm_context *context);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
