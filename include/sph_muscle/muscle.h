@@ -56,6 +56,45 @@ double sphm_muscle_stimulus(const sphm_muscle *muscle, const char *electrode);
 sphm_status sphm_muscle_apply_force(sphm_muscle *muscle, const double point_m[3], const double force_N[3],
                                     double radius_m, double duration_s, sphm_context *context);
 
+/* The solid tissue: these refuse a fluid muscle with SPHM_REFUSED_UNSUPPORTED. ----------------------------
+ */
+/* Commands the activation, 0 ... 1, of all particles, past the electrophysiology, which stands still
+ * meanwhile; it is reached through the filter of activation_time and deactivation_time. duration_s 0: until
+ * replaced; after a duration the membrane commands again. Refuses what is not within 0 ... 1. */
+sphm_status sphm_muscle_activate(sphm_muscle *muscle, double activation, double duration_s,
+                                 sphm_context *context);
+/* Hands back to the membrane at once. */
+sphm_status sphm_muscle_release_activation(sphm_muscle *muscle, sphm_context *context);
+
+enum { SPHM_END_ORIGIN, SPHM_END_INSERTION, SPHM_END_COUNT };
+
+/* Where an end's frame is, in the muscle's frame. At rest its origin is that end of the line of action
+ * (sphm_body: origin_m, insertion_m) and its axes are the muscle's. */
+typedef struct sphm_end_pose {
+    double position_m[3];
+    double orientation[4];                                     /* unit quaternion x, y, z, w */
+    double velocity_m_per_s[3], angular_velocity_rad_per_s[3]; /* when it arrives there; 0 when in doubt */
+} sphm_end_pose;
+
+/* Moves an end from where it is to `pose` within duration_s, with continuous velocity. When no further pose
+ * arrives it comes to rest there and holds. Refuses what is not finite, an unknown end, and a pose farther
+ * from the present one than max_pose_jump of the muscle's length. */
+sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
+                                     double duration_s, sphm_context *context);
+sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_pose *pose,
+                                 sphm_context *context);
+
+/* What the muscle does to the bone at an end: the sum of the tissue's internal forces on the attached
+ * particles, without their inertia. Moments are about the present origin of the end's frame; both in the
+ * muscle's frame. A muscle that pulls has force[insertion] pointing towards the origin. The parts add up:
+ * active: the fibres' active stress; damping: viscosity; passive: everything else. */
+typedef struct sphm_wrench {
+    double force_N[3], moment_Nm[3];
+    double active_N[3], passive_N[3], damping_N[3];
+    double active_Nm[3], passive_Nm[3], damping_Nm[3];
+} sphm_wrench;
+sphm_status sphm_muscle_wrench(sphm_muscle *muscle, int end, sphm_wrench *wrench, sphm_context *context);
+
 const sphm_parameters *sphm_muscle_parameters(const sphm_muscle *muscle);
 const sphm_body *sphm_muscle_body(const sphm_muscle *muscle);
 /* What it computes on, e.g. "cpu, 2 threads". Lives as long as the muscle. */

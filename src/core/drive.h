@@ -1,9 +1,10 @@
-/* What acts on the muscle during a run of equal steps: constant over that run, so that a back end can take
- * many steps from one submission. The muscle cuts its steps where the drive changes. */
+/* What acts on the muscle during a run of equal steps: constant over that run (but for the motion of the
+ * ends, which is given as a function of time), so that a back end can take many steps from one submission.
+ * The muscle cuts its steps where the drive changes. */
 #ifndef SPHM_CORE_DRIVE_H
 #define SPHM_CORE_DRIVE_H
 
-#include "sph_muscle/parameters.h"
+#include "core/end_motion.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -20,6 +21,11 @@ typedef struct sphm_drive {
     double current_uA_per_mm2[SPHM_ELECTRODE_COUNT];
     size_t force_count;
     sphm_point_force forces[SPHM_MAX_FORCES];
+
+    /* Solid tissue only. */
+    int activation_commanded;
+    double activation;                    /* target, where commanded */
+    sphm_end_motion ends[SPHM_END_COUNT]; /* moves within a run of steps: by time */
 } sphm_drive;
 
 #ifdef __cplusplus

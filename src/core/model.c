@@ -7,6 +7,7 @@
 #include "core/context.h"
 #include "core/electrodes.h"
 #include "core/membrane_constants.h"
+#include "core/solid_constants.h"
 
 void sphm_model_free(sphm_model *model) {
     sphm_body_free(&model->body);
@@ -73,6 +74,7 @@ static sphm_status fill_model(sphm_model *model, const sphm_surface *mesh, sphm_
     model->particle_mass_kg = parameters->density * model->particle_volume_m3;
     model->membrane = sphm_membrane_constants_from(parameters, model->body.spacing_m);
     model->fluid = fluid_constants(model);
+    model->solid = sphm_solid_constants_from(parameters);
     return SPHM_OK;
 }
 

@@ -4,6 +4,7 @@
 
 #include "kernels/fluid.h"
 #include "kernels/membrane.h"
+#include "kernels/solid.h"
 #include "sph_muscle/muscle.h"
 
 #ifdef __cplusplus
@@ -18,6 +19,7 @@ typedef struct sphm_model {
     uint8_t *electrodes;                         /* [count], bit e: in electrode e */
     sphm_membrane_constants membrane;            /* kernels/membrane.h */
     sphm_fluid_constants fluid;                  /* kernels/fluid.h */
+    sphm_solid_constants solid;                  /* kernels/solid.h */
 } sphm_model;
 
 /* Checks the parameters, builds the body from `mesh` (NULL: the preset) and derives the constants. On a

@@ -55,7 +55,7 @@ static void warn_time_step(sphm_muscle *muscle, double limit_s, sphm_context *co
 
 static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters, const sphm_surface *mesh,
                          sphm_context *context) {
-    muscle->ops = &sphm_cpu_backend;
+    muscle->ops = parameters->tissue == SPHM_TISSUE_SOLID ? &sphm_cpu_solid_backend : &sphm_cpu_backend;
     sphm_status status = sphm_model_create(&muscle->model, parameters, mesh, context);
     if (status == SPHM_OK)
         status = sphm_stimulus_create(&muscle->stimulus, parameters, context);
@@ -63,6 +63,7 @@ static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters,
         status = muscle->ops->create(&muscle->model, &muscle->backend, context);
     if (status != SPHM_OK)
         return status;
+    sphm_muscle_rest_ends(muscle);
     muscle->requested_step_s = parameters->time_step;
     snprintf(muscle->device, sizeof muscle->device, "%s", muscle->ops->device(muscle->backend));
     warn_time_step(muscle, muscle->ops->limits(muscle->backend).smallest,
@@ -98,6 +99,7 @@ sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context) {
     }
     muscle->ops->destroy(muscle->backend);
     muscle->backend = fresh;
+    sphm_muscle_rest_ends(muscle);
     muscle->force_count = 0;
     muscle->failed = 0;
     return SPHM_OK;
@@ -147,6 +149,11 @@ static sphm_drive drive_now(sphm_muscle *muscle, double now) {
     for (size_t f = 0; f < kept; ++f)
         drive.forces[f] = muscle->forces[f].force;
     drive.force_count = kept;
+    if (muscle->solid.activation_end_s <= now + SPHM_STIMULUS_TOLERANCE_S)
+        muscle->solid.activation = NAN;
+    drive.activation_commanded = !isnan(muscle->solid.activation);
+    drive.activation = muscle->solid.activation;
+    memcpy(drive.ends, muscle->solid.ends, sizeof drive.ends);
     return drive;
 }
 
@@ -154,6 +161,8 @@ static double next_change(const sphm_muscle *muscle, double now) {
     double next = sphm_stimulus_next_change(&muscle->stimulus, now);
     for (size_t f = 0; f < muscle->force_count; ++f)
         next = fmin(next, muscle->forces[f].end_s);
+    if (!isnan(muscle->solid.activation))
+        next = fmin(next, muscle->solid.activation_end_s);
     return next;
 }
 

@@ -19,6 +19,13 @@ typedef struct sphm_timed_force {
     double end_s; /* simulated time; infinite: until reset */
 } sphm_timed_force;
 
+/* What was commanded of a solid muscle. Nothing but doubles: a snapshot stores them in a row. */
+typedef struct sphm_solid_commands {
+    double activation;       /* NaN: none, the membrane commands */
+    double activation_end_s; /* infinite: until replaced */
+    sphm_end_motion ends[SPHM_END_COUNT];
+} sphm_solid_commands;
+
 struct sphm_muscle {
     sphm_model model;
     const sphm_backend_ops *ops;
@@ -27,6 +34,8 @@ struct sphm_muscle {
     sphm_stimulus stimulus;
     size_t force_count;
     sphm_timed_force forces[SPHM_MAX_FORCES];
+
+    sphm_solid_commands solid; /* tissue: solid */
 
     double requested_step_s; /* the parameter, 0: automatic */
     int warned_step;         /* the warning about a reduced step was given */
@@ -41,6 +50,9 @@ struct sphm_muscle {
 static inline const sphm_state *sphm_muscle_state(const sphm_muscle *muscle) {
     return muscle->ops->view(muscle->backend);
 }
+
+/* Ends at rest, no activation commanded (solid_muscle.c). */
+void sphm_muscle_rest_ends(sphm_muscle *muscle);
 
 /* Replaces the state (in any slot order) and forgets a failure; stimulus and forces are left alone. */
 sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sphm_context *context);

@@ -18,7 +18,7 @@ enum { MARKER = 0x53504831 }; /* "SPH1" */
 
 /* A choice without a CHOICES_ line here, or one that says something else than the list, does not compile. */
 #define SAME(choices, expected) (__builtin_strcmp(choices, expected) == 0)
-#define CHOICES_tissue(c) SAME(c, "fluid") && SPHM_TISSUE_FLUID == 0
+#define CHOICES_tissue(c) SAME(c, "fluid|solid") && SPHM_TISSUE_FLUID == 0 && SPHM_TISSUE_SOLID == 1
 #define CHOICES_backend(c) SAME(c, "auto|cpu") && SPHM_BACKEND_AUTO == 0 && SPHM_BACKEND_CPU == 1
 #define CHOICES_preset(c)                                                                                    \
     SAME(c, "triceps_long_head|vastus_lateralis|belly|bar") && SPHM_PRESET_TRICEPS_LONG_HEAD == 0 &&         \
@@ -35,6 +35,8 @@ enum { MARKER = 0x53504831 }; /* "SPH1" */
         SPHM_ELECTRODE_SPHERE == 4 && SPHM_ELECTRODE_COUNT == 5
 #define CHOICES_coupling(c)                                                                                  \
     SAME(c, "pressure|fibre_tension") && SPHM_COUPLING_PRESSURE == 0 && SPHM_COUPLING_FIBRE_TENSION == 1
+#define CHOICES_fibre_coupling(c)                                                                            \
+    SAME(c, "true_stretch|volume_free") && SPHM_FIBRE_TRUE_STRETCH == 0 && SPHM_FIBRE_VOLUME_FREE == 1
 #define CHOICES_time_step_policy(c)                                                                          \
     SAME(c, "reduce|refuse") && SPHM_TIME_STEP_REDUCE == 0 && SPHM_TIME_STEP_REFUSE == 1
 #define CHOICES_surface_field(c)                                                                             \

@@ -4,7 +4,7 @@
  *   u32       version
  *   model     what the muscle must share: precision, particle count, rest shape, constants, parameters by
  * name state     time, steps and every STATE array of state_arrays.inc: name, type, values by particle id
- *   drive     electrodes' commands, schedule, external forces
+ *   drive     electrodes' commands, schedule, external forces, commands of the solid tissue
  *   u64       FNV-1a of everything before
  *
  * Everything little-endian, texts with their length. Slots are not kept: a back end's slot order is a
@@ -21,6 +21,7 @@
 
 static const char MAGIC[8] = {'S', 'P', 'H', 'M', 'S', 'N', 'A', 'P'};
 enum { VERSION = 1, ENTRY_BYTES = 4 + 5 * 8 + 8 };
+enum { SOLID_NUMBERS = sizeof(sphm_solid_commands) / sizeof(double) };
 
 /* Arrays ------------------------------------------------------------------------------------------------- */
 
@@ -316,6 +317,8 @@ static void write_drive(sphm_writer *writer, const sphm_muscle *muscle) {
         sphm_write_double(writer, force->force.radius_m);
         sphm_write_double(writer, force->end_s);
     }
+    for (size_t k = 0; k < SOLID_NUMBERS; ++k)
+        sphm_write_number(writer, (const unsigned char *)&muscle->solid + k * sizeof(double), sizeof(double));
 }
 
 /* What a file says drives the muscle. */
@@ -323,7 +326,18 @@ typedef struct loaded_drive {
     sphm_stimulus stimulus; /* its entries are ours until they are handed over */
     size_t force_count;
     sphm_timed_force forces[SPHM_MAX_FORCES];
+    sphm_solid_commands solid;
 } loaded_drive;
+
+/* Only the activation (none) and its end (never) may be other than finite. */
+static void read_solid(sphm_reader *reader, sphm_solid_commands *solid) {
+    for (size_t k = 0; k < SOLID_NUMBERS; ++k) {
+        const double number = sphm_read_double(reader);
+        memcpy((unsigned char *)solid + k * sizeof number, &number, sizeof number);
+        if (k > 1 && !isfinite(number))
+            reader->short_of = 1;
+    }
+}
 
 static sphm_status read_stimulus(sphm_reader *reader, const sphm_muscle *muscle, sphm_stimulus *stimulus,
                                  const char *path, sphm_context *context) {
@@ -366,6 +380,7 @@ static sphm_status read_drive(sphm_reader *reader, const sphm_muscle *muscle, lo
         drive->forces[k].force.radius_m = numbers[6];
         drive->forces[k].end_s = numbers[7];
     }
+    read_solid(reader, &drive->solid);
     if (reader->short_of || reader->at != reader->size)
         return cut_short(path, "list of forces", context);
     return SPHM_OK;
@@ -432,6 +447,7 @@ static sphm_status take_over(sphm_muscle *muscle, const sphm_state *state, loade
     drive->stimulus = old; /* freed by the caller */
     muscle->force_count = drive->force_count;
     memcpy(muscle->forces, drive->forces, sizeof drive->forces);
+    muscle->solid = drive->solid;
     return SPHM_OK;
 }
 

@@ -1,0 +1,111 @@
+/* What only a solid muscle can: commanded activation, moving ends, wrenches. */
+#include <math.h>
+#include <string.h>
+
+#include "core/context.h"
+#include "core/muscle.h"
+
+void sphm_muscle_rest_ends(sphm_muscle *muscle) {
+    const sphm_body *body = &muscle->model.body;
+    muscle->solid.activation = NAN;
+    muscle->solid.activation_end_s = INFINITY;
+    sphm_end_motion_rest(&muscle->solid.ends[SPHM_END_ORIGIN], body->origin_m);
+    sphm_end_motion_rest(&muscle->solid.ends[SPHM_END_INSERTION], body->insertion_m);
+}
+
+static sphm_status refuse_fluid(const sphm_muscle *muscle, const char *what, sphm_context *context) {
+    if (muscle->ops->wrench)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_UNSUPPORTED, "%s needs tissue: solid", what);
+}
+
+static sphm_status check_end(int end, sphm_context *context) {
+    if (end == SPHM_END_ORIGIN || end == SPHM_END_INSERTION)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
+                     "end %d does not exist; 0 is the origin, 1 the insertion", end);
+}
+
+sphm_status sphm_muscle_activate(sphm_muscle *muscle, double activation, double duration_s,
+                                 sphm_context *context) {
+    const sphm_status status = refuse_fluid(muscle, "commanding an activation", context);
+    if (status != SPHM_OK)
+        return status;
+    if (!(duration_s >= 0) || !isfinite(duration_s))
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
+                         "duration is %g s; it must be finite, and 0 (until replaced) or above", duration_s);
+    if (!(activation >= 0 && activation <= 1))
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "activation is %g; it must be within 0 ... 1",
+                         activation);
+    muscle->solid.activation = activation;
+    muscle->solid.activation_end_s = duration_s > 0 ? sphm_muscle_time(muscle) + duration_s : INFINITY;
+    return SPHM_OK;
+}
+
+sphm_status sphm_muscle_release_activation(sphm_muscle *muscle, sphm_context *context) {
+    const sphm_status status = refuse_fluid(muscle, "commanding an activation", context);
+    if (status == SPHM_OK)
+        muscle->solid.activation = NAN;
+    return status;
+}
+
+sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
+                                     double duration_s, sphm_context *context) {
+    sphm_status status = refuse_fluid(muscle, "moving an end", context);
+    if (status == SPHM_OK)
+        status = check_end(end, context);
+    if (status != SPHM_OK)
+        return status;
+    const double jump_m = muscle->model.parameters.max_pose_jump * muscle->model.body.length_m;
+    return sphm_end_motion_set(&muscle->solid.ends[end], sphm_muscle_time(muscle), pose, duration_s, jump_m,
+                               context);
+}
+
+/* Unit quaternion x, y, z, w of a rotation, by its largest component (Shepperd, J. Guid. Control 1 (1978)
+ * 223). */
+static void quaternion_of(const double R[9], double q[4]) {
+    const double trace = R[0] + R[4] + R[8];
+    const double squares[4] = {1 + 2 * R[0] - trace, 1 + 2 * R[4] - trace, 1 + 2 * R[8] - trace, 1 + trace};
+    int largest = 3;
+    for (int k = 0; k < 3; ++k)
+        largest = squares[k] > squares[largest] ? k : largest;
+    const double twice = sqrt(squares[largest]), scale = 0.5 / twice;
+    if (largest == 3) {
+        q[0] = (R[7] - R[5]) * scale;
+        q[1] = (R[2] - R[6]) * scale;
+        q[2] = (R[3] - R[1]) * scale;
+    } else {
+        const int i = largest, j = (i + 1) % 3, k = (i + 2) % 3;
+        q[j] = (R[3 * j + i] + R[3 * i + j]) * scale;
+        q[k] = (R[3 * k + i] + R[3 * i + k]) * scale;
+        q[3] = (R[3 * k + j] - R[3 * j + k]) * scale;
+    }
+    q[largest] = twice / 2;
+}
+
+sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_pose *pose,
+                                 sphm_context *context) {
+    sphm_status status = refuse_fluid(muscle, "the pose of an end", context);
+    if (status == SPHM_OK)
+        status = check_end(end, context);
+    if (status != SPHM_OK)
+        return status;
+    sphm_end_state now;
+    sphm_end_motion_at(&muscle->solid.ends[end], sphm_muscle_time(muscle), &now);
+    memcpy(pose->position_m, now.position_m, sizeof now.position_m);
+    memcpy(pose->velocity_m_per_s, now.velocity_m_per_s, sizeof now.velocity_m_per_s);
+    memcpy(pose->angular_velocity_rad_per_s, now.angular_velocity_rad_per_s,
+           sizeof now.angular_velocity_rad_per_s);
+    quaternion_of(now.rotation, pose->orientation);
+    return SPHM_OK;
+}
+
+sphm_status sphm_muscle_wrench(sphm_muscle *muscle, int end, sphm_wrench *wrench, sphm_context *context) {
+    sphm_status status = refuse_fluid(muscle, "the wrench at an end", context);
+    if (status == SPHM_OK)
+        status = check_end(end, context);
+    if (status != SPHM_OK)
+        return status;
+    muscle->ops->wrench(muscle->backend, &muscle->solid.ends[end], end, wrench);
+    return SPHM_OK;
+}

@@ -1,0 +1,569 @@
+/* The solid tissue on the CPU: memory, and the order of a step.
+ *
+ *     force sweep | integrate, ends | membrane -> activation | stress sweep
+ *
+ * Leap-frog: positions at the steps, velocities half a step behind. Slots are sorted into cells once, at
+ * creation, and stay: the rows are those of the rest shape. Equations in doc/solid.md. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/backend.h"
+#include "core/context.h"
+#include "core/gradient.h"
+#include "cpu/grid.h"
+#include "cpu/membrane.h"
+#include "cpu/neighbours.h"
+#include "cpu/parallel.h"
+#include "cpu/solid_sweeps.h"
+#include "kernels/vector.h"
+
+/* Share of the largest stable step that is taken: the limits are read every few steps, and the fibres stiffen
+ * in between. */
+#define STEP_SHARE 0.8
+
+typedef struct solid_backend {
+    const sphm_model *model;
+    sphm_state state;
+    sphm_grid grid;
+    sphm_neighbours rows;
+    sphm_gradient gradient;
+    sphm_diffusion diffusion;
+    sphm_solid_lines lines;
+    sphm_solid_field field;
+    int32_t *block_nonfinite; /* [blocks]: first slot that is not finite, or -1 */
+    double *spare_modulus;    /* [blocks] and */
+    int32_t *spare_inverted;  /* [blocks]: for sweeps that are not part of a step */
+    double inertia_kg;        /* of a particle: its mass, scaled */
+    int threads;
+    sphm_timing timing;
+    char device[64];
+} solid_backend;
+
+static solid_backend *inside(sphm_backend *backend) {
+    return (solid_backend *)backend;
+}
+static const solid_backend *look_inside(const sphm_backend *backend) {
+    return (const solid_backend *)backend;
+}
+
+/* Creation -------------------------------------------------------------------------------------------------
+ */
+
+static void destroy(sphm_backend *backend) {
+    solid_backend *b = inside(backend);
+    if (!b)
+        return;
+    sphm_state_free(&b->state);
+    sphm_grid_free(&b->grid);
+    sphm_neighbours_free(&b->rows);
+    sphm_gradient_free(&b->gradient);
+    sphm_diffusion_free(&b->diffusion);
+    sphm_solid_lines_free(&b->lines);
+    free(b->block_nonfinite);
+    free(b->spare_modulus);
+    free(b->spare_inverted);
+    free(b);
+}
+
+/* The rest state by particle id, then in cell order. */
+static sphm_status fill_rest(solid_backend *b, sphm_context *context) {
+    const sphm_model *model = b->model;
+    const sphm_body *body = &model->body;
+    sphm_state *s = &b->state;
+    for (size_t i = 0; i < s->count; ++i) {
+        s->rest_x[i] = s->listed_x[i] = s->x[i] = (sphm_real)(body->positions[3 * i] - model->frame_m[0]);
+        s->rest_y[i] = s->listed_y[i] = s->y[i] = (sphm_real)(body->positions[3 * i + 1] - model->frame_m[1]);
+        s->rest_z[i] = s->listed_z[i] = s->z[i] = (sphm_real)(body->positions[3 * i + 2] - model->frame_m[2]);
+        s->fibre_x[i] = (sphm_real)body->fibres[3 * i];
+        s->fibre_y[i] = (sphm_real)body->fibres[3 * i + 1];
+        s->fibre_z[i] = (sphm_real)body->fibres[3 * i + 2];
+        s->attachment[i] = body->attachment[i];
+        s->electrodes[i] = model->electrodes[i];
+        s->membrane_potential[i] = model->membrane.resting_mV;
+        s->density[i] = s->rest_density[i] = (sphm_real)model->parameters.density;
+    }
+    void *scratch = malloc(s->capacity * SPHM_STATE_ELEMENT_SIZE);
+    if (!scratch)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to sort %zu particles", s->count);
+    const sphm_status status =
+        sphm_grid_sort(&b->grid, s->x, s->y, s->z, s->id, s->count, body->support_radius_m, context);
+    if (status == SPHM_OK)
+        sphm_state_permute(s, b->grid.order, scratch);
+    free(scratch);
+    return status;
+}
+
+static sphm_status build_diffusion(solid_backend *b, sphm_context *context) {
+    const sphm_state *s = &b->state;
+    sphm_diffusion_input in;
+    in.laplacian = b->model->parameters.laplacian;
+    in.support_radius_m = b->model->body.support_radius_m;
+    in.particle_volume_m3 = b->model->particle_volume_m3;
+    in.diffusion_mm2_per_ms = (double)b->model->membrane.diffusion_mm2_per_ms;
+    in.anisotropy_ratio = (double)b->model->membrane.anisotropy_ratio;
+    in.x = s->rest_x;
+    in.y = s->rest_y;
+    in.z = s->rest_z;
+    in.fibre_x = s->fibre_x;
+    in.fibre_y = s->fibre_y;
+    in.fibre_z = s->fibre_z;
+    return sphm_diffusion_build(&b->diffusion, &b->rows, &in, b->threads, context);
+}
+
+static sphm_status build_operators(solid_backend *b, sphm_context *context) {
+    const sphm_state *s = &b->state;
+    const double radius = b->model->body.support_radius_m;
+    sphm_status status =
+        sphm_neighbours_build(&b->rows, &b->grid, s->x, s->y, s->z, s->count, radius, b->threads, context);
+    if (status == SPHM_OK)
+        status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
+                                      b->model->particle_volume_m3, context);
+    if (status == SPHM_OK)
+        status = build_diffusion(b, context);
+    if (status == SPHM_OK)
+        status = sphm_solid_lines_create(&b->lines, s->count, context);
+    if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
+        sphm_log(context, SPHM_LOG_WARNING,
+                 "%zu of %zu particles have neighbours in a plane only and %zu have none: a larger "
+                 "smoothing_ratio or more particles would give them some",
+                 b->gradient.regularised, s->count, b->gradient.isolated);
+    return status;
+}
+
+static void set_field(solid_backend *b) {
+    const sphm_parameters *p = &b->model->parameters;
+    sphm_state *s = &b->state;
+    sphm_solid_field *f = &b->field;
+    f->rows = &b->rows;
+    f->gradient = &b->gradient;
+    f->fibre_x = s->fibre_x;
+    f->fibre_y = s->fibre_y;
+    f->fibre_z = s->fibre_z;
+    f->activation = s->activation;
+    f->density = s->density;
+    f->pressure = s->pressure;
+    f->constants = b->model->solid;
+    f->viscosity_Pa_s = (sphm_real)p->tissue_viscosity;
+    f->hourglass_Pa = (sphm_real)p->hourglass_stiffness;
+    /* The same viscosity for what gradients see and what they do not. */
+    f->hourglass_time_s =
+        (sphm_real)(p->hourglass_stiffness > 0 ? p->tissue_viscosity / p->hourglass_stiffness : 0);
+    f->particle_volume_m3 = (sphm_real)b->model->particle_volume_m3;
+    f->density_kg_per_m3 = (sphm_real)p->density;
+    f->threads = b->threads;
+}
+
+static sphm_status build(solid_backend *b, sphm_context *context) {
+    sphm_status status = sphm_state_create(&b->state, b->model->body.count, context);
+    if (status == SPHM_OK)
+        status = fill_rest(b, context);
+    if (status == SPHM_OK)
+        status = build_operators(b, context);
+    if (status != SPHM_OK)
+        return status;
+    const size_t blocks = sphm_block_count(b->state.count);
+    b->block_nonfinite = (int32_t *)malloc(blocks * sizeof *b->block_nonfinite);
+    b->spare_modulus = (double *)malloc(blocks * sizeof *b->spare_modulus);
+    b->spare_inverted = (int32_t *)malloc(blocks * sizeof *b->spare_inverted);
+    if (!b->block_nonfinite || !b->spare_modulus || !b->spare_inverted)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the solid tissue");
+    set_field(b);
+    sphm_solid_stress_sweep(&b->field, &b->lines);
+    b->inertia_kg = b->model->particle_mass_kg * b->model->parameters.mass_scaling;
+    b->timing.neighbours_per_particle = b->gradient.neighbours_per_particle;
+    return SPHM_OK;
+}
+
+static sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
+    *backend = NULL;
+    solid_backend *b = (solid_backend *)calloc(1, sizeof *b);
+    if (!b)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the CPU back end");
+    b->model = model;
+    b->threads = sphm_thread_count(model->parameters.threads);
+    snprintf(b->device, sizeof b->device, "cpu, %d thread%s", b->threads, b->threads == 1 ? "" : "s");
+    const sphm_status status = build(b, context);
+    if (status != SPHM_OK) {
+        destroy((sphm_backend *)b);
+        return status;
+    }
+    *backend = (sphm_backend *)b;
+    return SPHM_OK;
+}
+
+/* A step ---------------------------------------------------------------------------------------------------
+ */
+
+static void activate(solid_backend *b, const sphm_drive *drive, double step_s) {
+    if (!drive->activation_commanded) {
+        sphm_cpu_membrane_step(&b->state, &b->rows, &b->diffusion, &b->model->membrane, drive, step_s,
+                               b->threads, &b->timing);
+        return;
+    }
+    const sphm_membrane_constants *c = &b->model->membrane;
+    const sphm_real rise = (sphm_real)-expm1(-step_s * 1e3 / (double)c->activation_ms);
+    const sphm_real fall = (sphm_real)-expm1(-step_s * 1e3 / (double)c->deactivation_ms);
+    for (size_t i = 0; i < b->state.count; ++i)
+        b->state.activation[i] =
+            sphm_activation_filter(b->state.activation[i], (sphm_real)drive->activation, rise, fall);
+}
+
+static int within(const sphm_state *s, size_t i, const double centre[3], double radius) {
+    const double d[3] = {(double)s->x[i] - centre[0], (double)s->y[i] - centre[1],
+                         (double)s->z[i] - centre[2]};
+    return sphm_dot3(d, d) <= radius * radius;
+}
+
+/* External forces, shared by the particles within their radius. */
+static void add_point_forces(solid_backend *b, const sphm_drive *drive) {
+    const sphm_state *s = &b->state;
+    for (size_t f = 0; f < drive->force_count; ++f) {
+        const sphm_point_force *pull = &drive->forces[f];
+        double centre[3];
+        size_t hit = 0;
+        for (int d = 0; d < 3; ++d)
+            centre[d] = pull->point_m[d] - b->model->frame_m[d];
+        for (size_t i = 0; i < s->count; ++i)
+            hit += (size_t)within(s, i, centre, pull->radius_m);
+        for (size_t i = 0; hit && i < s->count; ++i)
+            if (within(s, i, centre, pull->radius_m))
+                for (int d = 0; d < 3; ++d)
+                    b->lines.force[4 * i + (size_t)d] += (sphm_real)(pull->force_N[d] / (double)hit);
+    }
+}
+
+/* What moves an attached particle: u = (p - p0) + (R - 1)(X - p0), v = p' + w x R (X - p0), with single
+ * precision left to the last operation. */
+typedef struct end_frame {
+    double shift[3], turn_minus_one[9], spin_turn[9], velocity[3], rest[3];
+} end_frame;
+
+static end_frame frame_of(const solid_backend *b, const sphm_end_motion *motion, int end, double time_s) {
+    const sphm_body *body = &b->model->body;
+    const double *rest = end == SPHM_END_ORIGIN ? body->origin_m : body->insertion_m;
+    sphm_end_state now;
+    end_frame f;
+    sphm_end_motion_at(motion, time_s, &now);
+    const double *w = now.angular_velocity_rad_per_s;
+    for (int d = 0; d < 3; ++d) {
+        f.rest[d] = rest[d] - b->model->frame_m[d];
+        f.shift[d] = now.position_m[d] - rest[d];
+        f.velocity[d] = now.velocity_m_per_s[d];
+        const double *R = now.rotation;
+        const int e = (d + 1) % 3, g = (d + 2) % 3;
+        for (int c = 0; c < 3; ++c) {
+            f.turn_minus_one[3 * d + c] = R[3 * d + c] - (d == c);
+            f.spin_turn[3 * d + c] = w[e] * R[3 * g + c] - w[g] * R[3 * e + c];
+        }
+    }
+    return f;
+}
+
+static void carry(const end_frame *f, const double rest[3], sphm_real *motion) {
+    double arm[3], turned[3], spun[3];
+    for (int d = 0; d < 3; ++d)
+        arm[d] = rest[d] - f->rest[d];
+    sphm_multiply3(f->turn_minus_one, arm, turned);
+    sphm_multiply3(f->spin_turn, arm, spun);
+    for (int d = 0; d < 3; ++d) {
+        motion[d] = (sphm_real)(f->shift[d] + turned[d]);
+        motion[4 + d] = (sphm_real)(f->velocity[d] + spun[d]);
+    }
+}
+
+/* Kick and drift of a free particle. */
+typedef struct mover {
+    sphm_real kick, keep, step, gravity[3];
+} mover;
+
+static mover mover_of(const solid_backend *b, double step_s) {
+    const sphm_parameters *p = &b->model->parameters;
+    mover m;
+    m.kick = (sphm_real)(step_s / b->inertia_kg);
+    m.keep = (sphm_real)exp(-p->velocity_damping * step_s);
+    m.step = (sphm_real)step_s;
+    for (int d = 0; d < 3; ++d)
+        m.gravity[d] = (sphm_real)(step_s * p->gravity[d] / p->mass_scaling);
+    return m;
+}
+
+static void move(const mover *m, const sphm_real *force, sphm_real *motion) {
+    for (int d = 0; d < 3; ++d) {
+        motion[4 + d] = m->keep * motion[4 + d] + (m->kick * force[d] + m->gravity[d]);
+        motion[d] += m->step * motion[4 + d];
+    }
+}
+
+static void store(sphm_state *s, size_t i, const sphm_real *motion) {
+    s->shift_x[i] = motion[0];
+    s->shift_y[i] = motion[1];
+    s->shift_z[i] = motion[2];
+    s->x[i] = s->rest_x[i] + motion[0];
+    s->y[i] = s->rest_y[i] + motion[1];
+    s->z[i] = s->rest_z[i] + motion[2];
+    s->vx[i] = motion[4];
+    s->vy[i] = motion[5];
+    s->vz[i] = motion[6];
+}
+
+static int is_finite(const sphm_real *motion) {
+    sphm_real sum = 0; /* of zeroes, unless one is not finite */
+    for (int d = 0; d < 7; ++d)
+        sum += motion[d] * 0;
+    return sum == 0;
+}
+
+static void integrate_block(solid_backend *b, const mover *m, const end_frame ends[SPHM_END_COUNT],
+                            size_t block) {
+    sphm_state *s = &b->state;
+    int32_t bad = -1;
+    for (size_t i = sphm_block_begin(block); i < sphm_block_end(block, s->count); ++i) {
+        sphm_real *motion = b->lines.motion + SPHM_MOTION_LINE * i;
+        if (s->attachment[i] == SPHM_FREE) {
+            move(m, b->lines.force + 4 * i, motion);
+        } else {
+            const double rest[3] = {(double)s->rest_x[i], (double)s->rest_y[i], (double)s->rest_z[i]};
+            carry(&ends[s->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION],
+                  rest, motion);
+        }
+        store(s, i, motion);
+        if (bad < 0 && !is_finite(motion))
+            bad = (int32_t)i;
+    }
+    b->block_nonfinite[block] = bad;
+}
+
+static void integrate(solid_backend *b, const sphm_drive *drive, double step_s) {
+    const mover m = mover_of(b, step_s);
+    end_frame ends[SPHM_END_COUNT];
+    for (int end = 0; end < SPHM_END_COUNT; ++end)
+        ends[end] = frame_of(b, &drive->ends[end], end, b->state.time_s + step_s);
+    const size_t blocks = sphm_block_count(b->state.count);
+#pragma omp parallel for num_threads(b->threads) schedule(static)
+    for (size_t block = 0; block < blocks; ++block)
+        integrate_block(b, &m, ends, block);
+}
+
+/* Inverted particles come first: they are why the others are not finite. */
+static sphm_status check(const solid_backend *b, sphm_context *context) {
+    const size_t blocks = sphm_block_count(b->state.count);
+    for (size_t block = 0; block < blocks; ++block)
+        if (b->lines.block_inverted[block] >= 0)
+            return sphm_fail(context, SPHM_FAILED_NONFINITE,
+                             "particle %d is turned inside out at %g s (stress sweep, step %llu)",
+                             (int)b->state.id[b->lines.block_inverted[block]], b->state.time_s,
+                             (unsigned long long)b->state.steps);
+    for (size_t block = 0; block < blocks; ++block)
+        if (b->block_nonfinite[block] >= 0)
+            return sphm_fail(context, SPHM_FAILED_NONFINITE,
+                             "particle %d is not finite at %g s (integration, step %llu)",
+                             (int)b->state.id[b->block_nonfinite[block]], b->state.time_s,
+                             (unsigned long long)b->state.steps);
+    return SPHM_OK;
+}
+
+/* Adds the time since *since to *sum, and starts anew. */
+static void clock_lap(double *since, double *sum) {
+    const double now = sphm_wall_clock_s();
+    *sum += now - *since;
+    *since = now;
+}
+
+/* Between steps the lines hold the stress of the present state, so that limits, density and pressure are a
+ * function of the state alone: a restored muscle takes the same steps. */
+static sphm_status step_once(solid_backend *b, double step_s, const sphm_drive *drive,
+                             sphm_context *context) {
+    sphm_timing *t = &b->timing;
+    const double start = sphm_wall_clock_s();
+    double lap = start;
+    sphm_solid_force_sweep(&b->field, &b->lines);
+    add_point_forces(b, drive);
+    clock_lap(&lap, &t->forces_s);
+    integrate(b, drive, step_s);
+    clock_lap(&lap, &t->integration_s);
+    activate(b, drive, step_s);
+    lap = sphm_wall_clock_s();
+    sphm_solid_stress_sweep(&b->field, &b->lines);
+    clock_lap(&lap, &t->density_pressure_s);
+    b->state.time_s += step_s;
+    ++b->state.steps;
+    ++t->steps;
+    t->total_s += lap - start;
+    return check(b, context);
+}
+
+static sphm_status step(sphm_backend *backend, size_t count, double time_step_s, const sphm_drive *drive,
+                        sphm_context *context) {
+    for (size_t k = 0; k < count; ++k) {
+        const sphm_status status = step_once(inside(backend), time_step_s, drive, context);
+        if (status != SPHM_OK)
+            return status;
+    }
+    return SPHM_OK;
+}
+
+/* State, limits, wrench ------------------------------------------------------------------------------------
+ */
+
+static const sphm_state *view(sphm_backend *backend) {
+    return &inside(backend)->state;
+}
+
+/* `from` in any slot order; the slots here stay as they are. */
+static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_context *context) {
+    solid_backend *b = inside(backend);
+    sphm_state *s = &b->state, by_id;
+    int32_t *slots = (int32_t *)malloc(s->count * sizeof *slots);
+    void *scratch = malloc(s->capacity * SPHM_STATE_ELEMENT_SIZE);
+    sphm_status status = sphm_state_create(&by_id, s->count, context);
+    if (status == SPHM_OK && (!slots || !scratch))
+        status = sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to restore %zu particles", s->count);
+    if (status == SPHM_OK)
+        status = sphm_state_load_by_id(from, &by_id, slots, context);
+    if (status == SPHM_OK) {
+        memcpy(slots, s->id, s->count * sizeof *slots);
+        sphm_state_permute(&by_id, slots, scratch);
+        s->time_s = by_id.time_s;
+        s->steps = by_id.steps;
+#define STATE(type, name) memcpy(s->name, by_id.name, s->count * sizeof(type));
+#define REST(type, name)
+#define SCRATCH(type, name)
+#define ARRAY(type, name, role, unit, meaning) role(type, name)
+#include "core/state_arrays.inc"
+#undef ARRAY
+#undef STATE
+#undef REST
+#undef SCRATCH
+        for (size_t i = 0; i < s->count; ++i) {
+            sphm_real *motion = b->lines.motion + SPHM_MOTION_LINE * i;
+            motion[0] = s->shift_x[i];
+            motion[1] = s->shift_y[i];
+            motion[2] = s->shift_z[i];
+            motion[4] = s->vx[i];
+            motion[5] = s->vy[i];
+            motion[6] = s->vz[i];
+        }
+    }
+    if (status == SPHM_OK)
+        sphm_solid_stress_sweep(&b->field, &b->lines);
+    sphm_state_free(&by_id);
+    free(slots);
+    free(scratch);
+    return status;
+}
+
+/* Leap-frog with a frequency w and a damping rate c (force -m w^2 u - m c v, the velocity half a step old) is
+ * stable up to dt = (sqrt(c^2 + 4 w^2) - c)/w^2. w^2 is bounded by the stiffest particle times the largest
+ * eigenvalue of the gradients, plus the hourglass forces'. */
+static sphm_time_step_limits limits(const sphm_backend *backend) {
+    const solid_backend *b = look_inside(backend);
+    const sphm_parameters *p = &b->model->parameters;
+    const double density = p->density * p->mass_scaling;
+    double modulus = 0;
+    for (size_t block = 0; block < sphm_block_count(b->state.count); ++block)
+        modulus = fmax(modulus, b->lines.block_modulus_Pa[block]);
+    const double eigenvalue = b->gradient.gradient_eigenvalue, hourglass = b->gradient.hourglass_eigenvalue;
+    const double w2 = (modulus * eigenvalue + p->hourglass_stiffness * hourglass) / density;
+    const double c =
+        p->tissue_viscosity * (2 * eigenvalue + (p->hourglass_stiffness > 0 ? hourglass : 0)) / density;
+    sphm_time_step_limits l;
+    l.courant = l.diffusion = l.shape_matching = INFINITY;
+    l.acoustic = STEP_SHARE * 2 / sqrt(w2);
+    l.viscous = c > 0 ? STEP_SHARE * 2 / c : INFINITY;
+    l.smallest = STEP_SHARE * (sqrt(c * c + 4 * w2) - c) / w2;
+    return l;
+}
+
+static size_t memory_bytes(const solid_backend *b) {
+    const size_t n = b->state.count, pairs = b->rows.row_start[n];
+    return sizeof *b + sphm_state_bytes(n) +
+           (SPHM_MOTION_LINE + SPHM_STRESS_LINE + 4 + 6) * n * sizeof(sphm_real) +
+           4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
+           (n + 1) * sizeof(size_t) + b->diffusion.capacity * sizeof(sphm_real) +
+           6 * b->diffusion.particles * sizeof *b->diffusion.correction +
+           (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t);
+}
+
+static sphm_timing timing(const sphm_backend *backend) {
+    sphm_timing t = look_inside(backend)->timing;
+    t.memory_bytes = memory_bytes(look_inside(backend));
+    return t;
+}
+
+static void reset_timing(sphm_backend *backend) {
+    solid_backend *b = inside(backend);
+    memset(&b->timing, 0, sizeof b->timing);
+    b->timing.neighbours_per_particle = b->gradient.neighbours_per_particle;
+}
+
+static const char *device(const sphm_backend *backend) {
+    return look_inside(backend)->device;
+}
+
+/* Force and moment about `pivot` of the present lines on the particles attached at an end. */
+static void sum_wrench(const solid_backend *b, int end, const double pivot[3], double force[3],
+                       double moment[3]) {
+    const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
+    const sphm_state *s = &b->state;
+    memset(force, 0, 3 * sizeof *force);
+    memset(moment, 0, 3 * sizeof *moment);
+    for (size_t i = 0; i < s->count; ++i) {
+        if (s->attachment[i] != attached)
+            continue;
+        const sphm_real *f = b->lines.force + 4 * i;
+        const double arm[3] = {(double)s->x[i] - pivot[0], (double)s->y[i] - pivot[1],
+                               (double)s->z[i] - pivot[2]};
+        for (int d = 0; d < 3; ++d) {
+            const int e = (d + 1) % 3, g = (d + 2) % 3;
+            force[d] += (double)f[d];
+            moment[d] += arm[e] * (double)f[g] - arm[g] * (double)f[e];
+        }
+    }
+}
+
+/* Lines of the present motion with part of the stress. What a step left behind for the next one and for those
+ * who look - density, pressure, moduli - stays: looking changes nothing. Arrays that are SCRATCH serve
+ * instead. */
+static void sweep_part(solid_backend *b, int with_activation, int with_damping) {
+    sphm_solid_field field = b->field;
+    sphm_solid_lines lines = b->lines;
+    field.density = b->state.ax;
+    field.pressure = b->state.ay;
+    lines.block_modulus_Pa = b->spare_modulus;
+    lines.block_inverted = b->spare_inverted;
+    if (!with_damping)
+        field.viscosity_Pa_s = field.hourglass_time_s = 0;
+    if (!with_activation) {
+        memset(b->state.az, 0, b->state.count * sizeof *b->state.az);
+        field.activation = b->state.az;
+    }
+    sphm_solid_stress_sweep(&field, &lines);
+    sphm_solid_force_sweep(&field, &lines);
+}
+
+/* The stress is a sum, so the parts are differences of sweeps with and without. */
+static void wrench(sphm_backend *backend, const sphm_end_motion *motion, int end, sphm_wrench *w) {
+    solid_backend *b = inside(backend);
+    sphm_end_state now;
+    double pivot[3], elastic_N[3], elastic_Nm[3];
+    sphm_end_motion_at(motion, b->state.time_s, &now);
+    for (int d = 0; d < 3; ++d)
+        pivot[d] = now.position_m[d] - b->model->frame_m[d];
+    sweep_part(b, 0, 0);
+    sum_wrench(b, end, pivot, w->passive_N, w->passive_Nm);
+    sweep_part(b, 1, 0);
+    sum_wrench(b, end, pivot, elastic_N, elastic_Nm);
+    sweep_part(b, 1, 1);
+    sum_wrench(b, end, pivot, w->force_N, w->moment_Nm);
+    for (int d = 0; d < 3; ++d) {
+        w->active_N[d] = elastic_N[d] - w->passive_N[d];
+        w->active_Nm[d] = elastic_Nm[d] - w->passive_Nm[d];
+        w->damping_N[d] = w->force_N[d] - elastic_N[d];
+        w->damping_Nm[d] = w->moment_Nm[d] - elastic_Nm[d];
+    }
+}
+
+const sphm_backend_ops sphm_cpu_solid_backend = {"cpu",  create, destroy,      step,   view,  restore,
+                                                 limits, timing, reset_timing, device, wrench};
