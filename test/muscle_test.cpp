@@ -45,6 +45,46 @@ TEST(Muscle, ContractsWhileStimulatedAndComesBack) {
     EXPECT_LT(largest_move(m), 0.5 * moved);
 }
 
+// The demonstration, with fewer particles: what its users are promised to see.
+TEST(Muscle, BulgesWhileTheDemoIsStimulatedAndFallsBack) {
+    Muscle m(Muscle::Settings{{"preset", "triceps_long_head"}, {"coupling", "fibre_tension"}});
+    sphm_observation rest{}, held{}, after{};
+    const auto observe = [&](sphm_observation *o) {
+        ASSERT_EQ(sphm_muscle_observe(m.handle, o, &m.context), SPHM_OK) << m.context.message;
+    };
+    observe(&rest);
+    m.stimulate(8000);
+    m.advance(0.5);
+    observe(&held);
+    m.stimulate(0);
+    m.advance(0.5);
+    observe(&after);
+    EXPECT_LT(std::fabs(rest.bulge), 1e-6);
+    EXPECT_GT(held.bulge, 0.02);
+    EXPECT_GT(held.displacement_sections_m, 0.2 * m.handle->model.body.spacing_m);
+    EXPECT_GT(held.displacement_surface_m, 0.2 * m.handle->model.body.spacing_m);
+    EXPECT_NEAR(held.volume_ratio, 1, 0.1);
+    EXPECT_LT(after.displacement_sections_m, 0.5 * held.displacement_sections_m);
+    EXPECT_LT(after.displacement_surface_m, 0.5 * held.displacement_surface_m);
+    EXPECT_LT(after.bulge, 0.5 * held.bulge);
+}
+
+TEST(Muscle, TenSecondsOfRestMoveNothing) {
+    Muscle m(Muscle::Settings{{"particles", "120"}});
+    m.advance(10);
+    EXPECT_LT(largest_move(m), 0.01 * m.handle->model.body.spacing_m);
+}
+
+TEST(Muscle, GravityMakesTheFreePartSag) {
+    Muscle m(Muscle::Settings{{"gravity", "[0, 0, -9.81]"}});
+    m.advance(0.3);
+    double fall = 0;
+    for (size_t i = 0; i < m.count(); ++i)
+        fall += double(m.state().z[i] - m.state().rest_z[i]) / double(m.count());
+    EXPECT_LT(fall, -1e-5);
+    EXPECT_GT(fall, -m.handle->model.body.mid_radius_m); // held by its ends and its shape
+}
+
 TEST(Muscle, AdvancesByExactlyTheDuration) {
     Muscle m;
     ASSERT_EQ(sphm_muscle_schedule(m.handle, "0.00711:0.01333:8000", &m.context), SPHM_OK);
