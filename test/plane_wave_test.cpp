@@ -91,6 +91,32 @@ TEST(PlaneWave, PapersAndBrookshawsFormsAreOff) {
     }
 }
 
+// Steps of a quarter of the longest sub-step: the diffusion is taken every fourth time, and the wave stays.
+TEST(PlaneWave, DiffusionMayWaitForShortSteps) {
+    const sphm_membrane_constants c = without_recovery();
+    Bar b(bar_of(1));
+    b.weigh(SPHM_LAPLACIAN_CORRECTED, double(c.diffusion_mm2_per_ms));
+    const double longest = std::min(double(c.reaction_step_ms), 0.9 * double(b.diffusion.stable_step_ms));
+    const double waiting = bar::wave_speed(b, c, longest / 4, 35, 60, 20);
+    const double exact = sphm_membrane_wave_speed_mm_per_ms(&c);
+    std::printf("diffusion every fourth step: %+.2f %%\n", 100 * (waiting / exact - 1));
+    EXPECT_NEAR(waiting / exact, 1, 0.005);
+
+    // Off the front nothing but the diffusion moves a potential at rest.
+    const sphm_drive none{};
+    b.rest(c);
+    b.state.diffusion_due_s = 0;
+    b.state.membrane_potential[0] += 1;
+    const size_t next = size_t(b.rows.slot[b.rows.row_start[0]]);
+    const sphm_real rest = b.state.membrane_potential[next];
+    for (int k = 0; k < 4; k++) {
+        EXPECT_EQ(b.state.membrane_potential[next], rest) << k;
+        b.step(c, none, longest / 4);
+    }
+    EXPECT_GT(b.state.membrane_potential[next], rest);
+    EXPECT_EQ(b.state.diffusion_due_s, 0);
+}
+
 // Speed along over speed across is the root of the ratio; each within 1.5 % of its own closed form.
 TEST(PlaneWave, AnisotropyTurnsTheSpeed) {
     for (const double ratio : {2.0, 4.0, 6.0}) {

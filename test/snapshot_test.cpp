@@ -261,10 +261,10 @@ TEST(Snapshot, RefusesOtherVersionsAndOtherFiles) {
     Muscle muscle;
     ASSERT_EQ(muscle.save(file), SPHM_OK);
     Bytes bytes = read(file);
-    bytes[8] = 2;
+    bytes[8] = 1;
     seal(bytes);
     write(file, bytes);
-    expect_refused(muscle, file, "version 2");
+    expect_refused(muscle, file, "version 1");
     bytes[0] = 'X';
     seal(bytes);
     write(file, bytes);

@@ -3,7 +3,8 @@
  *   8 bytes   "SPHMSNAP"
  *   u32       version
  *   model     what the muscle must share: precision, particle count, rest shape, constants, parameters by
- * name state     time, steps and every STATE array of state_arrays.inc: name, type, values by particle id
+ * name
+ *   state     time, steps, diffusion due, every STATE array of state_arrays.inc: name, type, values by id
  *   drive     electrodes' commands, schedule, external forces, commands of the solid tissue
  *   u64       FNV-1a of everything before
  *
@@ -20,7 +21,7 @@
 #include "core/muscle.h"
 
 static const char MAGIC[8] = {'S', 'P', 'H', 'M', 'S', 'N', 'A', 'P'};
-enum { VERSION = 1, ENTRY_BYTES = 4 + 5 * 8 + 8 };
+enum { VERSION = 2, ENTRY_BYTES = 4 + 5 * 8 + 8 };
 enum { SOLID_NUMBERS = sizeof(sphm_solid_commands) / sizeof(double) };
 
 /* Arrays ------------------------------------------------------------------------------------------------- */
@@ -72,6 +73,7 @@ uint64_t sphm_state_hash(const sphm_state *state) {
     if (!slots)
         return 0;
     uint64_t hash = sphm_hash_numbers(SPHM_HASH_START, &state->time_s, 1, sizeof state->time_s);
+    hash = sphm_hash_numbers(hash, &state->diffusion_due_s, 1, sizeof state->diffusion_due_s);
     for (int a = 0; a < ARRAY_COUNT; ++a) {
         const unsigned char *array = array_of(state, &ARRAYS[a]);
         for (size_t i = 0; ARRAYS[a].role == ROLE_STATE && i < state->count; ++i)
@@ -209,6 +211,7 @@ static void write_state(sphm_writer *writer, const sphm_state *state, const int3
         count += ARRAYS[a].role == ROLE_STATE;
     sphm_write_double(writer, state->time_s);
     sphm_write_u64(writer, state->steps);
+    sphm_write_double(writer, state->diffusion_due_s);
     sphm_write_u32(writer, count);
     for (int a = 0; a < ARRAY_COUNT; ++a) {
         const unsigned char *array = array_of(state, &ARRAYS[a]);
@@ -252,11 +255,13 @@ static sphm_status read_state(sphm_reader *reader, sphm_state *state, const char
                               sphm_context *context) {
     state->time_s = sphm_read_double(reader);
     state->steps = sphm_read_u64(reader);
+    state->diffusion_due_s = sphm_read_double(reader);
     uint32_t expected = 0;
     for (int a = 0; a < ARRAY_COUNT; ++a)
         expected += ARRAYS[a].role == ROLE_STATE;
     const uint32_t count = sphm_read_u32(reader);
-    if (reader->short_of || !isfinite(state->time_s) || state->time_s < 0)
+    if (reader->short_of || !isfinite(state->time_s) || state->time_s < 0 ||
+        !isfinite(state->diffusion_due_s) || state->diffusion_due_s < 0)
         return cut_short(path, "time", context);
     if (count != expected)
         return sphm_fail(context, SPHM_REFUSED_FILE, "'%s' holds %u arrays; this version keeps %u", path,

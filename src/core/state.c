@@ -65,6 +65,7 @@ void sphm_state_free(sphm_state *state) {
 void sphm_state_copy(const sphm_state *from, sphm_state *to) {
     to->time_s = from->time_s;
     to->steps = from->steps;
+    to->diffusion_due_s = from->diffusion_due_s;
 #define ARRAY(type, name, role, unit, meaning) memcpy(to->name, from->name, from->count * sizeof(type));
 #include "core/state_arrays.inc"
 #undef ARRAY
@@ -109,6 +110,7 @@ sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_
         return status;
     to->time_s = from->time_s;
     to->steps = from->steps;
+    to->diffusion_due_s = from->diffusion_due_s;
 #define ARRAY(type, name, role, unit, meaning)                                                               \
     if (role)                                                                                                \
         for (size_t id = 0; id < to->count; ++id)                                                            \
