@@ -7,6 +7,7 @@
 #include <XmlRpcValue.h>
 
 #include <cstdio>
+#include <sstream>
 #include <vector>
 
 namespace sph_muscle {
@@ -71,12 +72,27 @@ void check(sphm_status status, const std::string &what, const sphm_context *cont
         throw Refused(what + ": " + context->message);
 }
 
+// Where the parameters' file is; empty: none is given. roscpp's getParam for text would take a number or a
+// list here for an absent parameter, and the muscle would be another one than was asked for.
+std::string config_path(const ros::NodeHandle &handle) {
+    XmlRpc::XmlRpcValue value;
+    if (!handle.getParam("config", value))
+        return "";
+    if (value.getType() != XmlRpc::XmlRpcValue::TypeString) {
+        std::ostringstream message;
+        message << "private parameter " << handle.resolveName("config") << ": " << value
+                << " is not a text; the path of a YAML file of parameters is wanted";
+        throw Refused(message.str());
+    }
+    return static_cast<std::string>(value);
+}
+
 } // namespace
 
 sphm_parameters read_parameters(const ros::NodeHandle &handle, sphm_context *context) {
     sphm_parameters parameters = sphm_parameters_default();
-    std::string config;
-    if (handle.getParam("config", config) && !config.empty()) {
+    const std::string config = config_path(handle);
+    if (!config.empty()) {
         check(sphm_io_load_parameters(config.c_str(), &parameters, context), "~config", context);
     }
     for (const std::string &name : private_names(handle)) {

@@ -50,6 +50,10 @@ class RefusalTest(unittest.TestCase):
     def test_missing_config(self):
         self.check_refused({"config": "/nowhere/muscle.yaml"}, "/nowhere/muscle.yaml")
 
+    def test_config_that_is_no_text(self):
+        self.check_refused({"config": 7.5}, "/test_config_that_is_no_text/config", "7.5", "not a text", "YAML")
+        self.check_refused({"config": "true"}, "/config", "1", "not a text")
+
     def test_bad_yaml(self):
         self.check_refused({"config": self.file("bad.yaml", "particles: [1, 2\nrate: }")}, "bad.yaml")
 
