@@ -1,17 +1,23 @@
-// The node: initialise, build, spin. Exit codes: 0 shut down, 2 refused a parameter or a file.
+// The node: initialise, build, spin. Exit codes: 0 shut down, 2 refused a parameter or a file, or could not
+// go on.
 #include "muscle_node.h"
 
 #include <ros/ros.h>
 
+#include <exception>
+
 int main(int argc, char **argv) {
-    ros::init(argc, argv, "sph_muscle");
-    ros::start(); // else the handles of a node that throws take logging down with them, and the reason is not
-                  // shown
     try {
+        ros::init(argc, argv, "sph_muscle"); // throws for a node name that is none
+        ros::start(); // else the handles of a node that throws take logging down with them, and the reason is
+                      // not shown
         sph_muscle::MuscleNode node;
         ros::spin();
     } catch (const sph_muscle::Refused &refused) {
         ROS_FATAL("%s", refused.what());
+        return 2;
+    } catch (const std::exception &exception) { // roscpp's or the standard library's
+        ROS_FATAL("the node ends: %s", exception.what());
         return 2;
     }
     return 0;

@@ -7,6 +7,7 @@ import tempfile
 import unittest
 
 import roslib.packages
+import rospy
 import rostest
 
 
@@ -21,9 +22,9 @@ class RefusalTest(unittest.TestCase):
             file.write(content)
         return path
 
-    def check_refused(self, parameters, *parts):
+    def check_refused(self, parameters, *parts, name=None):
         node = roslib.packages.find_node("sph_muscle", "sph_muscle_node")[0]
-        command = [node] + ["_%s:=%s" % item for item in parameters.items()] + ["__name:=" + self._testMethodName]
+        command = [node] + ["_%s:=%s" % item for item in parameters.items()] + ["__name:=" + (name or self._testMethodName)]
         result = subprocess.run(command, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.assertEqual(result.returncode, 2, result.stdout)
         for part in parts:
@@ -59,6 +60,14 @@ class RefusalTest(unittest.TestCase):
 
     def test_bad_value_in_yaml(self):
         self.check_refused({"config": self.file("range.yaml", "density: -4\n")}, "density", "-4")
+
+    def test_what_ros_itself_throws(self):
+        """Not only what the node refuses: here a parameter whose name roscpp finds malformed."""
+        rospy.set_param("/test_what_ros_itself_throws/bad-name", 1)
+        self.check_refused({"particles": 300}, "FATAL", "the node ends", "bad-name")
+
+    def test_node_name_that_is_none(self):
+        self.check_refused({}, "FATAL", "the node ends", "a/b", name="a/b")
 
     def test_time_step_above_the_limit(self):
         self.check_refused({"particles": 300, "time_step": 0.5, "time_step_policy": "refuse"}, "time_step")
