@@ -40,7 +40,9 @@ constexpr const char *going_down = "the node is busy or shutting down; nothing w
 
 // Set-up --------------------------------------------------------------------------------------------------
 
-MuscleNode::MuscleNode() : context_(quiet_context()) {
+// Delegates, so that the object counts as constructed and the destructor also ends a node that was refused
+// half way, with the simulation already running.
+MuscleNode::MuscleNode() : MuscleNode(quiet_context()) {
     context_.log = log_to_ros;
     parameters_ = read_parameters(private_handle_, &context_);
     create_simulation();
@@ -56,8 +58,10 @@ MuscleNode::MuscleNode() : context_(quiet_context()) {
 }
 
 MuscleNode::~MuscleNode() {
-    simulation_->stop(); // first, so that nobody waits for it any more
-    service_spinner_->stop();
+    if (simulation_)
+        simulation_->stop(); // first, so that nobody waits for it any more
+    if (service_spinner_)
+        service_spinner_->stop();
 }
 
 void MuscleNode::create_simulation() {

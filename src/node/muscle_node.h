@@ -30,6 +30,8 @@ class MuscleNode {
     ~MuscleNode();
 
   private:
+    explicit MuscleNode(const sphm_context &context) : context_(context) {}
+
     // Set-up.
     void create_simulation();
     void advertise();
@@ -65,13 +67,16 @@ class MuscleNode {
     sphm_context context_; // of creation, then of the simulation's thread
     sphm_parameters parameters_;
     std::string device_;
-    std::unique_ptr<Simulation> simulation_;
 
     ros::Publisher particles_, surface_, markers_, state_;
     ros::Subscriber stimulus_, stimulus_command_, external_force_;
     std::map<std::string, WallTime> warned_; // by topic; the simulation's thread only
     std::unique_ptr<ColourRange> colours_;
     WallTime markers_published_;
+
+    // Below all that its thread uses, so that the thread has ended before any of that is destroyed; above the
+    // services, whose threads wait for it.
+    std::unique_ptr<Simulation> simulation_;
 
     ros::CallbackQueue service_queue_;
     std::unique_ptr<ros::AsyncSpinner> service_spinner_;
