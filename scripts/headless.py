@@ -36,6 +36,12 @@ def free_port():
         return probe.getsockname()[1]
 
 
+def namespace(launch_arguments):
+    """Where the muscle's topics are: the launch argument `name`, of which roslaunch takes the last."""
+    values = dict(argument.split(":=", 1) for argument in launch_arguments if ":=" in argument)
+    return "/" + values.get("name", "muscle").strip("/")
+
+
 class Processes:
     """What was started, ended in reverse order."""
 
@@ -74,6 +80,7 @@ def start_display(processes):
 class Demo:
     def __init__(self, arguments, processes, log_folder):
         self.arguments = arguments
+        self.namespace = namespace(arguments.launch_arguments)
         self.state = None
         self.state_time = 0.0
         self.stimulus = 0.0
@@ -117,9 +124,9 @@ class Demo:
     def connect(self):
         self.wait_for("the ROS master", rosgraph.is_master_online)
         rospy.init_node("demo", anonymous=True, disable_signals=True)
-        self.publisher = rospy.Publisher("/muscle/stimulus", Float64, queue_size=1, latch=True)
-        rospy.Subscriber("/muscle/state", MuscleState, self.on_state, queue_size=1)
-        self.wait_for("/muscle/state", lambda: self.state is not None)
+        self.publisher = rospy.Publisher(self.namespace + "/stimulus", Float64, queue_size=1, latch=True)
+        rospy.Subscriber(self.namespace + "/state", MuscleState, self.on_state, queue_size=1)
+        self.wait_for(self.namespace + "/state", lambda: self.state is not None)
         self.wait_for("the stimulus to be connected", lambda: self.publisher.get_num_connections() > 0)
         if self.display:
             self.wait_for("rviz", self.rviz_listens)
@@ -128,7 +135,7 @@ class Demo:
     def rviz_listens(self):
         _, subscribers, _ = rosgraph.Master("demo").getSystemState()
         topics = {topic for topic, nodes in subscribers if any("rviz" in node for node in nodes)}
-        return {"/muscle/particles", "/muscle/surface", "/muscle/markers"} <= topics
+        return {self.namespace + topic for topic in ("/particles", "/surface", "/markers")} <= topics
 
     def rviz_shows_something(self):
         """A window that is not drawn yet has one colour, the empty scene a few dozen, a lit muscle thousands."""
@@ -193,7 +200,7 @@ class Demo:
 
     def take_picture(self):
         """Of a paused muscle, so that particles, surface and text belong together however slow rviz is."""
-        pause = rospy.ServiceProxy("/muscle/pause", SetBool)
+        pause = rospy.ServiceProxy(self.namespace + "/pause", SetBool)
         pause(True)
         time.sleep(5)
         if self.grab(self.arguments.screenshot).wait(60) != 0:
