@@ -92,6 +92,15 @@ void fill_cloud(const sphm_particles &particles, sensor_msgs::PointCloud2 *cloud
     }
 }
 
+void fill_wrench(const sphm_wrench &wrench, geometry_msgs::Wrench *message) {
+    message->force.x = wrench.force_N[0];
+    message->force.y = wrench.force_N[1];
+    message->force.z = wrench.force_N[2];
+    message->torque.x = wrench.moment_Nm[0];
+    message->torque.y = wrench.moment_Nm[1];
+    message->torque.z = wrench.moment_Nm[2];
+}
+
 void fill_state(const sphm_observation &o, MuscleState *state) {
     state->simulated_time = o.time_s;
     state->stimulus_ua_per_mm2 = o.stimulus_uA_per_mm2;

@@ -4,6 +4,7 @@
 
 #include "sph_muscle/muscle.h"
 
+#include <geometry_msgs/Wrench.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <sph_muscle/MuscleState.h>
 #include <std_msgs/Header.h>
@@ -16,6 +17,7 @@ namespace sph_muscle {
 void fill_cloud(const sphm_particles &particles, sensor_msgs::PointCloud2 *cloud);
 
 void fill_state(const sphm_observation &observation, MuscleState *state);
+void fill_wrench(const sphm_wrench &wrench, geometry_msgs::Wrench *message);
 
 // The values that get the coldest and the hottest colour: fixed, or (minimum == maximum) following the data,
 // never closer than what is worth seeing, so that a resting muscle does not show its rounding errors.

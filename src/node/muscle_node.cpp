@@ -2,6 +2,8 @@
 
 #include "sph_muscle/io.h"
 
+#include <geometry_msgs/WrenchStamped.h>
+
 #include <cmath>
 #include <cstdlib>
 
@@ -88,11 +90,19 @@ void MuscleNode::advertise() {
     surface_ = handle_.advertise<visualization_msgs::Marker>("surface", 2, greet);
     markers_ = handle_.advertise<visualization_msgs::MarkerArray>("markers", 2, greet);
     state_ = handle_.advertise<MuscleState>("state", 10, greet);
+    if (parameters_.tissue == SPHM_TISSUE_SOLID) {
+        wrenches_[SPHM_END_ORIGIN] =
+            handle_.advertise<geometry_msgs::WrenchStamped>("origin_wrench", 10, greet);
+        wrenches_[SPHM_END_INSERTION] =
+            handle_.advertise<geometry_msgs::WrenchStamped>("insertion_wrench", 10, greet);
+    }
     const auto prompt = ros::TransportHints().tcpNoDelay();
     stimulus_ = handle_.subscribe("stimulus", 100, &MuscleNode::on_stimulus, this, prompt);
     stimulus_command_ =
         handle_.subscribe("stimulus_command", 100, &MuscleNode::on_stimulus_command, this, prompt);
     external_force_ = handle_.subscribe("external_force", 100, &MuscleNode::on_external_force, this, prompt);
+    activation_command_ =
+        handle_.subscribe("activation_command", 100, &MuscleNode::on_activation_command, this, prompt);
 }
 
 // Services wait for the simulation, so they have threads of their own: two, for reset must get through while
@@ -140,6 +150,12 @@ void MuscleNode::on_external_force(const ExternalForce &message) {
         const double point_m[3] = {message.point.x, message.point.y, message.point.z};
         const double force_N[3] = {message.force.x, message.force.y, message.force.z};
         return sphm_muscle_apply_force(muscle, point_m, force_N, message.radius, message.duration, context);
+    });
+}
+
+void MuscleNode::on_activation_command(const std_msgs::Float64 &message) {
+    queue("activation_command", [message](sphm_muscle *muscle, sphm_context *context) {
+        return sphm_muscle_activate(muscle, message.data, 0, context);
     });
 }
 
@@ -249,6 +265,10 @@ void MuscleNode::publish(bool all) {
     }
     if (surface_.getNumSubscribers() > 0)
         publish_surface(header);
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        if (wrenches_[end].getNumSubscribers() > 0)
+            publish_wrench(end, header);
+    }
 }
 
 bool MuscleNode::observe(const std_msgs::Header &header, MuscleState *state) {
@@ -280,6 +300,19 @@ void MuscleNode::publish_surface(const std_msgs::Header &header) {
     marker.header = header;
     fill_surface(skin, *colours_, &marker);
     surface_.publish(marker);
+}
+
+void MuscleNode::publish_wrench(int end, const std_msgs::Header &header) {
+    sphm_wrench wrench{};
+    sphm_context context = quiet_context();
+    if (sphm_muscle_wrench(simulation_->muscle(), end, &wrench, &context) != SPHM_OK) {
+        warn(wrenches_[end].getTopic(), context.message);
+        return;
+    }
+    geometry_msgs::WrenchStamped message;
+    message.header = header;
+    fill_wrench(wrench, &message.wrench);
+    wrenches_[end].publish(message);
 }
 
 // Diagnostics ---------------------------------------------------------------------------------------------

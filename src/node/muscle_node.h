@@ -42,6 +42,7 @@ class MuscleNode {
     void on_stimulus(const std_msgs::Float64 &message);
     void on_stimulus_command(const StimulusCommand &message);
     void on_external_force(const ExternalForce &message);
+    void on_activation_command(const std_msgs::Float64 &message);
     using Attempt = std::function<sphm_status(sphm_muscle *, sphm_context *)>;
     void queue(const char *topic, const Attempt &attempt);
     void warn(const std::string &topic, const std::string &text);
@@ -56,6 +57,7 @@ class MuscleNode {
     // On the simulation's thread.
     void publish(bool all);
     void publish_surface(const std_msgs::Header &header);
+    void publish_wrench(int end, const std_msgs::Header &header);
     bool observe(const std_msgs::Header &header, MuscleState *state);
 
     // Diagnostics.
@@ -69,7 +71,8 @@ class MuscleNode {
     std::string device_;
 
     ros::Publisher particles_, surface_, markers_, state_;
-    ros::Subscriber stimulus_, stimulus_command_, external_force_;
+    ros::Publisher wrenches_[SPHM_END_COUNT]; // of the solid; the fluid has no force to tell
+    ros::Subscriber stimulus_, stimulus_command_, external_force_, activation_command_;
     std::map<std::string, WallTime> warned_; // by topic; the simulation's thread only
     std::unique_ptr<ColourRange> colours_;
     WallTime markers_published_;

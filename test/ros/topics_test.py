@@ -26,6 +26,7 @@ class TopicsTest(unittest.TestCase):
         cls.state = Latest("/muscle/state", MuscleState)
         cls.stimulus = publisher("/muscle/stimulus", Float64)
         cls.command = publisher("/muscle/stimulus_command", StimulusCommand)
+        cls.activation = publisher("/muscle/activation_command", Float64)
         cls.force = publisher("/muscle/external_force", ExternalForce)
 
     def check_header(self, header):
@@ -116,6 +117,7 @@ class TopicsTest(unittest.TestCase):
             (self.stimulus, Float64(math.nan), ["/muscle/stimulus:", "nan"]),
             (self.command, StimulusCommand("nowhere", 1.0, 0.0), ["/muscle/stimulus_command:", "nowhere", "belly"]),
             (self.force, ExternalForce(radius=-0.5), ["/muscle/external_force:", "-0.5"]),
+            (self.activation, Float64(0.3), ["/muscle/activation_command:", "tissue: solid"]),
         ]
         for topic, message, parts in cases:
             topic.publish(message)
