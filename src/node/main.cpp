@@ -4,7 +4,17 @@
 
 #include <ros/ros.h>
 
+#include <cstdio>
+#include <cstdlib>
 #include <exception>
+
+// Ends the process once the reason has been said. roscpp's threads are stopped first, and its static objects
+// are left alone: destroyed while one of its threads still runs they abort the process, now and then.
+[[noreturn]] static void give_up() {
+    ros::shutdown();
+    std::fflush(nullptr);
+    std::_Exit(2);
+}
 
 int main(int argc, char **argv) {
     try {
@@ -15,10 +25,10 @@ int main(int argc, char **argv) {
         ros::spin();
     } catch (const sph_muscle::Refused &refused) {
         ROS_FATAL("%s", refused.what());
-        return 2;
+        give_up();
     } catch (const std::exception &exception) { // roscpp's or the standard library's
         ROS_FATAL("the node ends: %s", exception.what());
-        return 2;
+        give_up();
     }
     return 0;
 }
