@@ -90,3 +90,19 @@ sphm_status sphm_model_create(sphm_model *model, const sphm_parameters *paramete
         sphm_model_free(model);
     return status;
 }
+
+void sphm_model_rest_state(const sphm_model *model, sphm_state *s) {
+    const sphm_body *body = &model->body;
+    for (size_t i = 0; i < s->count; ++i) {
+        s->rest_x[i] = s->x[i] = s->listed_x[i] = (sphm_real)(body->positions[3 * i] - model->frame_m[0]);
+        s->rest_y[i] = s->y[i] = s->listed_y[i] = (sphm_real)(body->positions[3 * i + 1] - model->frame_m[1]);
+        s->rest_z[i] = s->z[i] = s->listed_z[i] = (sphm_real)(body->positions[3 * i + 2] - model->frame_m[2]);
+        s->fibre_x[i] = (sphm_real)body->fibres[3 * i];
+        s->fibre_y[i] = (sphm_real)body->fibres[3 * i + 1];
+        s->fibre_z[i] = (sphm_real)body->fibres[3 * i + 2];
+        s->attachment[i] = body->attachment[i];
+        s->electrodes[i] = model->electrodes[i];
+        s->membrane_potential[i] = model->membrane.resting_mV;
+        s->density[i] = (sphm_real)model->parameters.density;
+    }
+}

@@ -2,6 +2,7 @@
 #ifndef SPHM_CORE_MODEL_H
 #define SPHM_CORE_MODEL_H
 
+#include "core/state.h"
 #include "kernels/fluid.h"
 #include "kernels/membrane.h"
 #include "kernels/solid.h"
@@ -27,6 +28,9 @@ typedef struct sphm_model {
 sphm_status sphm_model_create(sphm_model *model, const sphm_parameters *parameters, const sphm_surface *mesh,
                               sphm_context *context);
 void sphm_model_free(sphm_model *model);
+/* Fills a state that was just created with the rest shape and the rest potential, in the order of ids;
+ * rest_density is left to the tissue. */
+void sphm_model_rest_state(const sphm_model *model, sphm_state *s);
 
 #ifdef __cplusplus
 }

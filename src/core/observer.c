@@ -5,11 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 #include "core/context.h"
+#include "core/threads.h"
 #include "kernels/vector.h"
 
 /* Where nothing is attached, an end is this share of the tissue. */
@@ -23,15 +20,6 @@ typedef struct block_sums {
     double end[2][3], end_velocity[2][3];
 } block_sums;
 _Static_assert(sizeof(block_sums) <= SPHM_OBSERVER_NUMBERS * sizeof(double), "raise SPHM_OBSERVER_NUMBERS");
-
-static int threads_of(const sphm_parameters *parameters) {
-#ifdef _OPENMP
-    return parameters->threads > 0 ? (int)parameters->threads : omp_get_max_threads();
-#else
-    (void)parameters;
-    return 1;
-#endif
-}
 
 static void *take(sphm_observer *observer, size_t count, size_t size) {
     observer->memory_bytes += count * size;
@@ -228,7 +216,7 @@ sphm_status sphm_observer_create(const sphm_model *model, const sphm_state *stat
     made->model = model;
     made->count = model->body.count;
     made->blocks = (made->count + SPHM_OBSERVER_BLOCK - 1) / SPHM_OBSERVER_BLOCK;
-    made->threads = threads_of(&model->parameters);
+    made->threads = sphm_team_size(model->parameters.threads);
     made->rest_m = take(made, 3 * made->count, sizeof *made->rest_m);
     made->rest_volume_m3 = take(made, made->count, sizeof *made->rest_volume_m3);
     made->section = take(made, made->count, sizeof *made->section);

@@ -1,4 +1,4 @@
-/* How many threads a parallel region of the geometry stage gets. */
+/* How many threads a parallel region gets. */
 #ifndef SPHM_CORE_THREADS_H
 #define SPHM_CORE_THREADS_H
 

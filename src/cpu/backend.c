@@ -69,25 +69,6 @@ static sphm_status allocate(sphm_backend *b, sphm_context *context) {
     return SPHM_OK;
 }
 
-/* The rest state, in the order of ids. */
-static void fill_rest(sphm_backend *b) {
-    const sphm_model *model = b->model;
-    const sphm_body *body = &model->body;
-    sphm_state *s = &b->state;
-    for (size_t i = 0; i < s->count; ++i) {
-        s->rest_x[i] = s->x[i] = s->listed_x[i] = (sphm_real)(body->positions[3 * i] - model->frame_m[0]);
-        s->rest_y[i] = s->y[i] = s->listed_y[i] = (sphm_real)(body->positions[3 * i + 1] - model->frame_m[1]);
-        s->rest_z[i] = s->z[i] = s->listed_z[i] = (sphm_real)(body->positions[3 * i + 2] - model->frame_m[2]);
-        s->fibre_x[i] = (sphm_real)body->fibres[3 * i];
-        s->fibre_y[i] = (sphm_real)body->fibres[3 * i + 1];
-        s->fibre_z[i] = (sphm_real)body->fibres[3 * i + 2];
-        s->attachment[i] = body->attachment[i];
-        s->electrodes[i] = model->electrodes[i];
-        s->membrane_potential[i] = model->membrane.resting_mV;
-        s->density[i] = (sphm_real)model->parameters.density;
-    }
-}
-
 /* The rest density is what the density sweep sums on the rest shape, to the bit: at rest the pressure is 0.
  */
 static void measure_rest_density(sphm_backend *b) {
@@ -113,12 +94,12 @@ static sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_
     if (!b)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the CPU back end");
     b->model = model;
-    b->threads = sphm_thread_count(model->parameters.threads);
+    b->threads = sphm_team_size(model->parameters.threads);
     b->skin_m = SKIN * model->body.support_radius_m;
     snprintf(b->device, sizeof b->device, "cpu, %d thread%s", b->threads, b->threads == 1 ? "" : "s");
     sphm_status status = allocate(b, context);
     if (status == SPHM_OK) {
-        fill_rest(b);
+        sphm_model_rest_state(model, &b->state);
         status = sphm_cpu_build_rows(b, context);
     }
     if (status != SPHM_OK) {

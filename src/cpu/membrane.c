@@ -13,6 +13,7 @@
 #include "cpu/parallel.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Share of the stable step of the diffusion that is used: at the very limit the shortest wave is undamped. */
 static const double diffusion_share = 0.9;
@@ -181,4 +182,23 @@ void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours
         timing->cell_model_s += cell_s;
         timing->diffusion_s += diffusion_s;
     }
+}
+
+sphm_status sphm_cpu_build_diffusion(sphm_diffusion *diffusion, const sphm_neighbours *rows,
+                                     const sphm_model *model, const sphm_state *state, int threads,
+                                     sphm_context *context) {
+    sphm_diffusion_input input;
+    memset(&input, 0, sizeof input);
+    input.laplacian = model->parameters.laplacian;
+    input.support_radius_m = model->body.support_radius_m;
+    input.particle_volume_m3 = model->particle_volume_m3;
+    input.diffusion_mm2_per_ms = (double)model->membrane.diffusion_mm2_per_ms;
+    input.anisotropy_ratio = (double)model->membrane.anisotropy_ratio;
+    input.x = state->listed_x;
+    input.y = state->listed_y;
+    input.z = state->listed_z;
+    input.fibre_x = state->fibre_x;
+    input.fibre_y = state->fibre_y;
+    input.fibre_z = state->fibre_z;
+    return sphm_diffusion_build(diffusion, rows, &input, threads, context);
 }

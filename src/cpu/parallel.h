@@ -6,10 +6,7 @@
 
 #include <time.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
+#include "core/threads.h"
 #include "sph_muscle/types.h"
 
 #ifdef __cplusplus
@@ -28,16 +25,6 @@ static inline size_t sphm_block_begin(size_t block) {
 static inline size_t sphm_block_end(size_t block, size_t count) {
     const size_t end = (block + 1) * SPHM_BLOCK;
     return end < count ? end : count;
-}
-
-/* As many threads as asked for; 0: as many as OpenMP would start. */
-static inline int sphm_thread_count(int64_t asked) {
-#ifdef _OPENMP
-    return asked > 0 ? (int)asked : omp_get_max_threads();
-#else
-    (void)asked;
-    return 1;
-#endif
 }
 
 static inline double sphm_wall_clock_s(void) {

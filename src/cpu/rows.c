@@ -3,28 +3,10 @@
 #include <string.h>
 
 #include "cpu/backend.h"
+#include "cpu/membrane.h"
 
 static double cell_edge(const sphm_backend *b, double radius) {
     return b->model->parameters.cell_size > 0 ? b->model->parameters.cell_size : radius;
-}
-
-static sphm_status build_diffusion(sphm_backend *b, sphm_context *context) {
-    const sphm_model *model = b->model;
-    const sphm_state *s = &b->state;
-    sphm_diffusion_input input;
-    memset(&input, 0, sizeof input);
-    input.laplacian = model->parameters.laplacian;
-    input.support_radius_m = model->body.support_radius_m;
-    input.particle_volume_m3 = model->particle_volume_m3;
-    input.diffusion_mm2_per_ms = (double)model->membrane.diffusion_mm2_per_ms;
-    input.anisotropy_ratio = (double)model->membrane.anisotropy_ratio;
-    input.x = s->listed_x;
-    input.y = s->listed_y;
-    input.z = s->listed_z;
-    input.fibre_x = s->fibre_x;
-    input.fibre_y = s->fibre_y;
-    input.fibre_z = s->fibre_z;
-    return sphm_diffusion_build(&b->diffusion, &b->rows, &input, b->threads, context);
 }
 
 sphm_status sphm_cpu_build_rows(sphm_backend *b, sphm_context *context) {
@@ -39,7 +21,7 @@ sphm_status sphm_cpu_build_rows(sphm_backend *b, sphm_context *context) {
     status = sphm_neighbours_build(&b->rows, &b->grid, s->listed_x, s->listed_y, s->listed_z, s->count,
                                    radius, b->threads, context);
     if (status == SPHM_OK)
-        status = build_diffusion(b, context);
+        status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     return status;
 }
 

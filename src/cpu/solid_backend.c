@@ -72,18 +72,8 @@ static sphm_status fill_rest(solid_backend *b, sphm_context *context) {
     const sphm_model *model = b->model;
     const sphm_body *body = &model->body;
     sphm_state *s = &b->state;
-    for (size_t i = 0; i < s->count; ++i) {
-        s->rest_x[i] = s->listed_x[i] = s->x[i] = (sphm_real)(body->positions[3 * i] - model->frame_m[0]);
-        s->rest_y[i] = s->listed_y[i] = s->y[i] = (sphm_real)(body->positions[3 * i + 1] - model->frame_m[1]);
-        s->rest_z[i] = s->listed_z[i] = s->z[i] = (sphm_real)(body->positions[3 * i + 2] - model->frame_m[2]);
-        s->fibre_x[i] = (sphm_real)body->fibres[3 * i];
-        s->fibre_y[i] = (sphm_real)body->fibres[3 * i + 1];
-        s->fibre_z[i] = (sphm_real)body->fibres[3 * i + 2];
-        s->attachment[i] = body->attachment[i];
-        s->electrodes[i] = model->electrodes[i];
-        s->membrane_potential[i] = model->membrane.resting_mV;
-        s->density[i] = s->rest_density[i] = (sphm_real)model->parameters.density;
-    }
+    sphm_model_rest_state(model, s);
+    memcpy(s->rest_density, s->density, s->count * sizeof *s->density);
     void *scratch = malloc(s->capacity * SPHM_STATE_ELEMENT_SIZE);
     if (!scratch)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to sort %zu particles", s->count);
@@ -95,23 +85,6 @@ static sphm_status fill_rest(solid_backend *b, sphm_context *context) {
     return status;
 }
 
-static sphm_status build_diffusion(solid_backend *b, sphm_context *context) {
-    const sphm_state *s = &b->state;
-    sphm_diffusion_input in;
-    in.laplacian = b->model->parameters.laplacian;
-    in.support_radius_m = b->model->body.support_radius_m;
-    in.particle_volume_m3 = b->model->particle_volume_m3;
-    in.diffusion_mm2_per_ms = (double)b->model->membrane.diffusion_mm2_per_ms;
-    in.anisotropy_ratio = (double)b->model->membrane.anisotropy_ratio;
-    in.x = s->rest_x;
-    in.y = s->rest_y;
-    in.z = s->rest_z;
-    in.fibre_x = s->fibre_x;
-    in.fibre_y = s->fibre_y;
-    in.fibre_z = s->fibre_z;
-    return sphm_diffusion_build(&b->diffusion, &b->rows, &in, b->threads, context);
-}
-
 static sphm_status build_operators(solid_backend *b, sphm_context *context) {
     const sphm_state *s = &b->state;
     const double radius = b->model->body.support_radius_m;
@@ -121,7 +94,7 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
         status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
                                       b->model->particle_volume_m3, context);
     if (status == SPHM_OK)
-        status = build_diffusion(b, context);
+        status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     if (status == SPHM_OK)
         status = sphm_solid_lines_create(&b->lines, s->count, context);
     if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
@@ -182,7 +155,7 @@ static sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_
     if (!b)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the CPU back end");
     b->model = model;
-    b->threads = sphm_thread_count(model->parameters.threads);
+    b->threads = sphm_team_size(model->parameters.threads);
     snprintf(b->device, sizeof b->device, "cpu, %d thread%s", b->threads, b->threads == 1 ? "" : "s");
     const sphm_status status = build(b, context);
     if (status != SPHM_OK) {
