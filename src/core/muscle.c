@@ -105,8 +105,20 @@ sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context) {
     return SPHM_OK;
 }
 
+/* The call that failed returns this, and every later one until the muscle is reset or restored. */
+static sphm_status fail(sphm_muscle *muscle, sphm_status status, const char *message) {
+    muscle->failed = status;
+    snprintf(muscle->failure, sizeof muscle->failure, "%s", message);
+    return status;
+}
+
 sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sphm_context *context) {
-    const sphm_status status = muscle->ops->restore(muscle->backend, state, context);
+    sphm_context own; /* the reason is kept even for a caller without a context */
+    memset(&own, 0, sizeof own);
+    sphm_context *used = context ? context : &own;
+    const sphm_status status = muscle->ops->restore(muscle->backend, state, used);
+    if (status < 0)
+        return fail(muscle, status, used->message);
     if (status == SPHM_OK)
         muscle->failed = 0;
     return status;
@@ -164,13 +176,6 @@ static double next_change(const sphm_muscle *muscle, double now) {
     if (!isnan(muscle->solid.activation))
         next = fmin(next, muscle->solid.activation_end_s);
     return next;
-}
-
-/* The call that failed returns this, and every later one until the muscle is reset or restored. */
-static sphm_status fail(sphm_muscle *muscle, sphm_status status, const char *message) {
-    muscle->failed = status;
-    snprintf(muscle->failure, sizeof muscle->failure, "%s", message);
-    return status;
 }
 
 static sphm_status refuse_runaway(sphm_muscle *muscle, const sphm_time_step_limits *limits,

@@ -200,9 +200,9 @@ static sphm_status restore(sphm_backend *b, const sphm_state *from, sphm_context
     sphm_state_permute(s, slots, b->packs.velocity);
     sphm_status status = sphm_state_load_by_id(from, s, slots, context);
     free(slots);
-    const sphm_status built = sphm_cpu_build_rows(b, context);
-    if (status == SPHM_OK)
-        status = built;
+    /* The old state is gone: what has no rows can neither go on nor go back. */
+    if (sphm_cpu_build_rows(b, context) != SPHM_OK)
+        status = SPHM_FAILED_BACKEND;
     sphm_cpu_measure_motion(b);
     return status;
 }

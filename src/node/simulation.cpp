@@ -1,6 +1,7 @@
 #include "simulation.h"
 
 #include <cmath>
+#include <exception>
 #include <utility>
 
 namespace sph_muscle {
@@ -121,20 +122,28 @@ void Simulation::run() {
             if (stopping_)
                 return;
         }
-        do_commands();
-        if (!ticking()) {
-            rest();
-            continue;
+        try {
+            run_once();
+        } catch (const std::exception &problem) { // out of memory, say; the node and its services stay
+            stop_muscle(problem.what());
         }
-        if (slices_left_ == 0) {
-            if (!wait_until_due())
-                continue;
-            begin_tick();
-        }
-        advance_slice();
-        if (slices_left_ == 0 && !failed())
-            end_tick();
     }
+}
+
+void Simulation::run_once() {
+    do_commands();
+    if (!ticking()) {
+        rest();
+        return;
+    }
+    if (slices_left_ == 0) {
+        if (!wait_until_due())
+            return;
+        begin_tick();
+    }
+    advance_slice();
+    if (slices_left_ == 0 && !failed())
+        end_tick();
 }
 
 void Simulation::do_commands() {
@@ -184,7 +193,8 @@ void Simulation::advance_slice() {
     const WallTime began = WallClock::now();
     const sphm_status status = sphm_muscle_advance(muscle(), slice_s_, context_);
     if (status != SPHM_OK) {
-        fail(status);
+        stop_muscle(context_->message[0] != '\0' ? context_->message : sphm_status_name(status));
+        listener_.publish(true);
         return;
     }
     const uint64_t taken = sphm_muscle_steps(muscle()) - steps;
@@ -211,13 +221,12 @@ void Simulation::end_tick() {
         refresh_health();
 }
 
-void Simulation::fail(sphm_status status) {
+void Simulation::stop_muscle(const std::string &why) {
     slices_left_ = 0;
-    failure_ = context_->message[0] != '\0' ? context_->message : sphm_status_name(status);
+    failure_ = why;
     end_stepping("the muscle has stopped: " + failure_);
     refresh_health();
     listener_.failed(failure_);
-    listener_.publish(true);
 }
 
 void Simulation::end_stepping(const std::string &problem) {

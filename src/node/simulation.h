@@ -69,6 +69,7 @@ class Simulation {
     };
 
     void run();
+    void run_once();
     void do_commands();
     bool ticking() const { return !failed() && (!paused_ || ticks_to_step_ > 0); }
     bool wait_until_due(); // false if woken early
@@ -76,7 +77,7 @@ class Simulation {
     void begin_tick();
     void advance_slice();
     void end_tick();
-    void fail(sphm_status status);
+    void stop_muscle(const std::string &why); // until it is reset or restored
     void end_stepping(const std::string &problem);
     void refresh_health();
 
