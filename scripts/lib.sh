@@ -23,6 +23,10 @@ packages_run="python3-roslaunch rosout rosbash python3-rostopic python3-rosnode 
     python3-std-srvs python3-rosbag"
 packages_view="rviz"
 packages_screenshot="rviz xvfb xauth libgl1-mesa-dri imagemagick"
+# validation/run needs no ROS: the library, and what judges it.
+packages_core="build-essential cmake pkg-config git"
+packages_validation="python3-numpy python3-scipy python3-matplotlib python3-dolfinx gmsh python3-gmsh
+    python3-petsc4py libopenblas0-serial"
 packages_test="libgtest-dev librostest-dev python3-rostest python3-rosunit python3-sensor-msgs
     python3-visualization-msgs python3-diagnostic-msgs catkin-lint catkin-tools
     clang-format ccache git"

@@ -1,0 +1,95 @@
+"""What a case hands to the report: criteria, tables, figures, notes."""
+import csv
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import time
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+plt.rcParams.update({
+    "figure.figsize": (6.4, 3.9), "figure.constrained_layout.use": True, "axes.grid": True,
+    "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False, "font.size": 9,
+    "lines.linewidth": 1.4, "lines.markersize": 5, "svg.fonttype": "none", "svg.hashsalt": "sph_muscle",
+})
+
+
+def commit(root):
+    """The commit of the sources, with a + when they differ from it."""
+    run = lambda *a: subprocess.run(["git", "-C", str(root), *a], capture_output=True, text=True).stdout.strip()
+    changed = run("status", "--porcelain", "--untracked-files=no")
+    relevant = [l for l in changed.splitlines() if not ("/result/" in l or "/report/" in l)]
+    return (run("rev-parse", "--short=10", "HEAD") or "unknown") + ("+" if relevant else "")
+
+
+class Result:
+    """A case fills one. Everything is written to `folder` at once, so that an interrupted case leaves something."""
+
+    def __init__(self, case, folder, quick, root):
+        self.case, self.folder, self.quick, self.root = case, pathlib.Path(folder), quick, root
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir(parents=True)
+        self.began = time.time()
+        self.data = {"case": case, "quick": quick, "commit": commit(root), "criteria": [], "tables": [],
+                     "figures": [], "notes": []}
+        self._last = 0.0
+
+    def say(self, text):
+        """Progress, at most twice a second."""
+        if sys.stderr.isatty():
+            if time.time() - self._last > 0.5:
+                print(f"\r  {time.time() - self.began:6.0f} s  {text[:100]:<100}", end="", file=sys.stderr, flush=True)
+                self._last = time.time()
+        elif time.time() - self._last > 10:
+            print(f"  {time.time() - self.began:6.0f} s  {text}", file=sys.stderr, flush=True)
+            self._last = time.time()
+
+    def check(self, what, value, below=None, above=None, unit="%"):
+        """A criterion: |value| <= below, or value >= above. NaN fails."""
+        value = float(value)
+        passed = (below is None or abs(value) <= below) and (above is None or value >= above)
+        passed = bool(passed and value == value)
+        bound = " and ".join(([f"at most {below:g} {unit}"] if below is not None else []) +
+                             ([f"at least {above:g} {unit}"] if above is not None else []))
+        self.data["criteria"].append({"what": what, "value": value, "bound": bound.strip(), "unit": unit,
+                                      "passed": passed})
+        print(f"\r  {'ok    ' if passed else 'FAILED'} {what}: {value:.4g} {unit} ({bound.strip()})"
+              + " " * 30, file=sys.stderr, flush=True)
+        self.save()
+        return passed
+
+    def table(self, name, title, columns, rows):
+        """A table of the report, kept as a CSV file too; numbers are given four digits in the report only."""
+        with open(self.folder / f"{name}.csv", "w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows([[f"{v:.6g}" if isinstance(v, float) else v for v in row] for row in rows])
+        shown = [[f"{v:.4g}" if isinstance(v, float) else str(v) for v in row] for row in rows]
+        self.data["tables"].append({"name": name, "title": title, "columns": columns, "rows": shown})
+        self.save()
+
+    def csv(self, name, columns, rows):
+        """Data that the report does not show."""
+        with open(self.folder / f"{name}.csv", "w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows([[f"{v:.6g}" for v in row] for row in rows])
+
+    def figure(self, name, figure, caption):
+        figure.savefig(self.folder / f"{name}.svg", metadata={"Date": None})
+        plt.close(figure)
+        self.data["figures"].append({"name": name, "caption": caption})
+        self.save()
+
+    def note(self, text):
+        self.data["notes"].append(text)
+        self.save()
+
+    def save(self):
+        self.data["seconds"] = round(time.time() - self.began, 1)
+        (self.folder / "result.json").write_text(json.dumps(self.data, indent=1) + "\n")
