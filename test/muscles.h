@@ -28,6 +28,7 @@ struct Muscle {
         sphm_parameters parameters = sphm_parameters_default();
         set(parameters, "particles", "400");
         set(parameters, "threads", "1");
+        set(parameters, "backend", "cpu"); // tests look inside it
         for (const auto &setting : settings)
             set(parameters, setting.first, setting.second);
         status = sphm_muscle_create(&parameters, nullptr, &handle, &context);

@@ -18,7 +18,7 @@ static const char help[] =
     "one with the median time is reported.\n"
     "\n"
     "      --tissue NAME        tissue model (default fluid)\n"
-    "      --backend NAME       auto or cpu (default auto)\n"
+    "      --backend NAME       auto, cpu or cuda (default auto)\n"
     "  -n, --particles N        (default 2231)\n"
     "  -t, --threads N          0 is all there are (default 0)\n"
     "  -N, --steps N            timed steps of a repetition (default 200)\n"

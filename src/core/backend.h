@@ -35,8 +35,12 @@ typedef struct sphm_backend_ops {
     void (*wrench)(sphm_backend *backend, const sphm_end_motion *motion, int end, sphm_wrench *wrench);
 } sphm_backend_ops;
 
-/* The back ends that were built. */
+/* The back ends that were built. src/core/choose_backend.h picks one. */
 extern const sphm_backend_ops sphm_cpu_backend, sphm_cpu_solid_backend;
+#ifdef SPHM_WITH_CUDA
+/* SPHM_OK when a device answers; else SPHM_REFUSED_UNSUPPORTED and a message that says why none does. */
+sphm_status sphm_cuda_probe(sphm_context *context);
+#endif
 
 #ifdef __cplusplus
 }

@@ -64,5 +64,10 @@ const char *sphm_build_configuration(void) {
 #else
 #define SPHM_THREADING "one thread"
 #endif
-    return SPHM_PRECISION ", " SPHM_THREADING ", compiler " __VERSION__ ", back ends: cpu";
+#ifdef SPHM_WITH_CUDA
+#define SPHM_BACK_ENDS "cpu, cuda"
+#else
+#define SPHM_BACK_ENDS "cpu"
+#endif
+    return SPHM_PRECISION ", " SPHM_THREADING ", compiler " __VERSION__ ", back ends: " SPHM_BACK_ENDS;
 }

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/choose_backend.h"
 #include "core/context.h"
 #include "core/electrodes.h"
 #include "core/observer.h"
@@ -53,19 +54,30 @@ static void warn_time_step(sphm_muscle *muscle, double limit_s, sphm_context *co
              muscle->requested_step_s, limit_s);
 }
 
+static void take_backend(sphm_muscle *muscle, const sphm_chosen_backend *chosen) {
+    if (muscle->backend)
+        muscle->ops->destroy(muscle->backend);
+    muscle->ops = chosen->ops;
+    muscle->backend = chosen->backend;
+    memcpy(muscle->device, chosen->device, sizeof muscle->device);
+}
+
 static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters, const sphm_surface *mesh,
                          sphm_context *context) {
-    muscle->ops = parameters->tissue == SPHM_TISSUE_SOLID ? &sphm_cpu_solid_backend : &sphm_cpu_backend;
-    sphm_status status = sphm_model_create(&muscle->model, parameters, mesh, context);
+    sphm_chosen_backend chosen;
+    /* Before the body is filled, which takes a while. */
+    sphm_status status = sphm_backend_available(parameters, context);
+    if (status == SPHM_OK)
+        status = sphm_model_create(&muscle->model, parameters, mesh, context);
     if (status == SPHM_OK)
         status = sphm_stimulus_create(&muscle->stimulus, parameters, context);
     if (status == SPHM_OK)
-        status = muscle->ops->create(&muscle->model, &muscle->backend, context);
+        status = sphm_backend_create(&muscle->model, &chosen, context);
     if (status != SPHM_OK)
         return status;
+    take_backend(muscle, &chosen);
     sphm_muscle_rest_ends(muscle);
     muscle->requested_step_s = parameters->time_step;
-    snprintf(muscle->device, sizeof muscle->device, "%s", muscle->ops->device(muscle->backend));
     warn_time_step(muscle, muscle->ops->limits(muscle->backend).smallest,
                    parameters->time_step_policy == SPHM_TIME_STEP_REDUCE ? context : NULL);
     return check_time_step(muscle, context);
@@ -86,19 +98,19 @@ sphm_status sphm_muscle_create(const sphm_parameters *parameters, const sphm_sur
     return SPHM_OK;
 }
 
-/* A new back end holds the rest state; making one is simpler, and surer, than undoing a run. */
+/* A new back end holds the rest state; making one is simpler, and surer, than undoing a run. It is chosen
+ * anew, too: under `auto` a muscle whose GPU has failed goes on with the CPU. */
 sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context) {
-    sphm_backend *fresh = NULL;
-    sphm_status status = muscle->ops->create(&muscle->model, &fresh, context);
+    sphm_chosen_backend fresh;
+    sphm_status status = sphm_backend_create(&muscle->model, &fresh, context);
     if (status != SPHM_OK)
         return status;
     status = sphm_stimulus_reset(&muscle->stimulus, &muscle->model.parameters, context);
     if (status != SPHM_OK) {
-        muscle->ops->destroy(fresh);
+        fresh.ops->destroy(fresh.backend);
         return status;
     }
-    muscle->ops->destroy(muscle->backend);
-    muscle->backend = fresh;
+    take_backend(muscle, &fresh);
     sphm_muscle_rest_ends(muscle);
     muscle->force_count = 0;
     muscle->failed = 0;

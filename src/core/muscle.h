@@ -42,7 +42,7 @@ struct sphm_muscle {
     int failed;              /* the status of a failed step: only reset, load and destroy are allowed then */
     char failure[1024];
 
-    char device[64];                /* a copy: a reset makes a new back end */
+    char device[192];               /* a copy: a reset makes a new back end */
     struct sphm_observer *observer; /* made when somebody first looks (observe.c) */
 };
 

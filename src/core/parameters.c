@@ -19,7 +19,8 @@ enum { MARKER = 0x53504831 }; /* "SPH1" */
 /* A choice without a CHOICES_ line here, or one that says something else than the list, does not compile. */
 #define SAME(choices, expected) (__builtin_strcmp(choices, expected) == 0)
 #define CHOICES_tissue(c) SAME(c, "fluid|solid") && SPHM_TISSUE_FLUID == 0 && SPHM_TISSUE_SOLID == 1
-#define CHOICES_backend(c) SAME(c, "auto|cpu") && SPHM_BACKEND_AUTO == 0 && SPHM_BACKEND_CPU == 1
+#define CHOICES_backend(c)                                                                                   \
+    SAME(c, "auto|cpu|cuda") && SPHM_BACKEND_AUTO == 0 && SPHM_BACKEND_CPU == 1 && SPHM_BACKEND_CUDA == 2
 #define CHOICES_preset(c)                                                                                    \
     SAME(c, "triceps_long_head|vastus_lateralis|belly|bar") && SPHM_PRESET_TRICEPS_LONG_HEAD == 0 &&         \
         SPHM_PRESET_VASTUS_LATERALIS == 1 && SPHM_PRESET_BELLY == 2 && SPHM_PRESET_BAR == 3

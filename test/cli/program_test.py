@@ -28,6 +28,7 @@ def run(*arguments, program=RUN, **keywords):
 
 VERSION = run("--version").stdout
 HAS_YAML = "YAML yes" in VERSION
+HAS_CUDA = bool(re.search(r"back ends: .*cuda", VERSION))
 HAS_MESH = "meshes yes" in VERSION
 
 
@@ -104,6 +105,21 @@ class BadInput(Case):
         self.refused("--set", "preset=biceps", says=["'preset'", "'biceps'", "vastus_lateralis"])
         self.refused("--set", "threshold_potential=-100", says=["threshold_potential", "rise"])
         self.refused("--set", "time_step=0.5", "--set", "time_step_policy=refuse", *SMALL, says=["time_step", "0.5"])
+
+    def test_backend(self):
+        """Asked for by name, the GPU computes or one line says why not; auto runs anyway and says on what."""
+        nowhere = dict(os.environ, CUDA_VISIBLE_DEVICES="")
+        for program, arguments in (RUN, ["--duration", "0.01", "--out", self.path("gpu")]), (BENCH, ["--steps", "5"]):
+            done = run(*arguments, *SMALL, "--set", "backend=cuda", program=program, env=nowhere)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+            self.assertIn("backend is cuda, but", done.stderr)
+            self.assertRegex(done.stderr, r"no CUDA dr|no CUDA dev" if HAS_CUDA else "built without CUDA")
+            if program == RUN:
+                self.assertFalse(os.path.exists(self.path("gpu")))
+            done = run(*arguments, *SMALL, "--set", "backend=auto", program=program, env=nowhere)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertRegex(done.stdout, r"cpu, 1 thread \(no CUDA d.*\)" if HAS_CUDA else "cpu, 1 thread[^ ]")
 
     def test_stimulus(self):
         for entry in "0:1:nan", "0:1:inf", "1:0:8000", "0:1", "0:1:8000:nose", "a:b:c", "0:1:8000:belly:20":
