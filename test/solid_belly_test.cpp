@@ -43,13 +43,14 @@ struct Belly {
         const double first = scene.rest[0][0];
         const double x = first + (std::round((near - first) / spacing) + 0.5) * spacing;
         double sum = 0;
+        scene.sweep();
         for (size_t slot = 0; slot < scene.count; ++slot) {
             if (std::fabs(scene.rest[0][slot] - x) > 2 * spacing)
                 continue;
             sphm_real F[9], rate[9], P[9];
             sphm_fibre_stress fibre;
             const sphm_real f0[3] = {1, 0, 0};
-            sphm_solid_deformation(&scene.field, &scene.lines, slot, F, rate);
+            sphm_solid_deformation(&scene.lines, slot, F, rate);
             for (int d = 0; d < 9; d += 4)
                 F[d] += 1;
             sphm_solid_stress(F, f0, scene.activation[slot], &scene.field.constants, P, &fibre);

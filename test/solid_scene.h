@@ -101,9 +101,9 @@ struct Scene {
         require(sphm_gradient_create(&gradient, &rows, rest[0].data(), rest[1].data(), rest[2].data(),
                                      ratio * spacing, volume, &context),
                 context);
-        require(sphm_solid_lines_create(&lines, count, &context), context);
-        field.rows = &rows;
-        field.gradient = &gradient;
+        require(sphm_solid_lines_create(&lines, &rows, &gradient, rest[0].data(), rest[1].data(),
+                                        rest[2].data(), &context),
+                context);
         field.fibre_x = fibre[0].data();
         field.fibre_y = fibre[1].data();
         field.fibre_z = fibre[2].data();

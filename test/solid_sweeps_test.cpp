@@ -32,10 +32,11 @@ TEST_P(OnFilling, AffineMotionGivesItsGradientExactlyBoundaryIncluded) {
     const double A[9] = {1.2, 0.3, -0.1, -0.2, 0.7, 0.15, 0.05, -0.25, 1.4};
     const double L[9] = {3, -1, 2, 0.5, -4, 1, 2, 2, 1};
     scene.prescribe(A, {0.01, -0.02, 0.005}, L);
+    scene.sweep();
     double worst = 0, worst_rate = 0;
     for (size_t slot = 0; slot < scene.count; ++slot) {
         sphm_real H[9], rate[9];
-        sphm_solid_deformation(&scene.field, &scene.lines, slot, H, rate);
+        sphm_solid_deformation(&scene.lines, slot, H, rate);
         for (int d = 0; d < 9; ++d) {
             worst = std::fmax(worst, std::fabs(H[d] + (d % 4 == 0) - A[d]));
             worst_rate = std::fmax(worst_rate, std::fabs(rate[d] - L[d]));
@@ -208,7 +209,7 @@ Stretched pull(double along, double across, double activation, int coupling) {
         if (std::hypot(scene.rest[0][slot], scene.rest[1][slot], scene.rest[2][slot]) < kSpacing / 2)
             middle = slot;
     sphm_real H[9], rate[9];
-    sphm_solid_deformation(&scene.field, &scene.lines, middle, H, rate);
+    sphm_solid_deformation(&scene.lines, middle, H, rate);
     for (int d = 0; d < 3; ++d)
         s.F[d] = 1 + H[4 * d];
     return s;

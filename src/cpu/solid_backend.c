@@ -96,7 +96,8 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
     if (status == SPHM_OK)
         status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     if (status == SPHM_OK)
-        status = sphm_solid_lines_create(&b->lines, s->count, context);
+        status =
+            sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, context);
     if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
         sphm_log(context, SPHM_LOG_WARNING,
                  "%zu of %zu particles have neighbours in a plane only and %zu have none: a larger "
@@ -109,8 +110,6 @@ static void set_field(solid_backend *b) {
     const sphm_parameters *p = &b->model->parameters;
     sphm_state *s = &b->state;
     sphm_solid_field *f = &b->field;
-    f->rows = &b->rows;
-    f->gradient = &b->gradient;
     f->fibre_x = s->fibre_x;
     f->fibre_y = s->fibre_y;
     f->fibre_z = s->fibre_z;
@@ -452,8 +451,7 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
 static size_t memory_bytes(const solid_backend *b) {
     const size_t n = b->state.count, pairs = b->rows.row_start[n];
     return sizeof *b + sphm_state_bytes(n) +
-           (SPHM_MOTION_LINE + SPHM_STRESS_LINE + 4 + 6) * n * sizeof(sphm_real) +
-           4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
+           sphm_solid_lines_bytes(&b->lines) + 6 * n * sizeof(sphm_real) + 4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
            (n + 1) * sizeof(size_t) + b->diffusion.capacity * sizeof(sphm_real) +
            6 * b->diffusion.particles * sizeof *b->diffusion.correction +
            (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t);

@@ -2,128 +2,154 @@
  * equations. */
 #include "cpu/solid_sweeps.h"
 
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/context.h"
 #include "cpu/parallel.h"
 
-/* Vectors across components. The compiler splits them where the machine's are narrower. */
-typedef sphm_real vector8 __attribute__((vector_size(8 * sizeof(sphm_real))));
-typedef sphm_real vector16 __attribute__((vector_size(16 * sizeof(sphm_real))));
-#ifdef SPH_MUSCLE_DOUBLE
-typedef int64_t lanes16 __attribute__((vector_size(16 * sizeof(int64_t))));
-#else
-typedef int32_t lanes16 __attribute__((vector_size(16 * sizeof(int32_t))));
+#ifdef __AVX512F__
+#include <immintrin.h>
 #endif
 
-static void *allocate(size_t elements, size_t size) {
-    const size_t bytes = (elements * size + 127) / 128 * 128;
-    void *memory = aligned_alloc(128, bytes ? bytes : 128);
-    if (memory)
-        memset(memory, 0, bytes);
-    return memory;
-}
+/* Vectors across components, or across 16 particles. The compiler splits them where the machine's are
+ * narrower. */
+typedef sphm_real vector4 __attribute__((vector_size(4 * sizeof(sphm_real))));
+typedef sphm_real vector16 __attribute__((vector_size(16 * sizeof(sphm_real))));
 
-sphm_status sphm_solid_lines_create(sphm_solid_lines *lines, size_t count, sphm_context *context) {
-    const size_t blocks = sphm_block_count(count);
-    memset(lines, 0, sizeof *lines);
-    lines->count = count;
-    lines->motion = (sphm_real *)allocate(SPHM_MOTION_LINE * count, sizeof(sphm_real));
-    lines->stress = (sphm_real *)allocate(SPHM_STRESS_LINE * count, sizeof(sphm_real));
-    lines->force = (sphm_real *)allocate(4 * count, sizeof(sphm_real));
-    lines->block_modulus_Pa = (double *)allocate(blocks, sizeof(double));
-    lines->block_inverted = (int32_t *)allocate(blocks, sizeof(int32_t));
-    if (lines->motion && lines->stress && lines->force && lines->block_modulus_Pa && lines->block_inverted)
-        return SPHM_OK;
-    sphm_solid_lines_free(lines);
-    return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the solid tissue of %zu particles", count);
-}
-
-void sphm_solid_lines_free(sphm_solid_lines *lines) {
-    free(lines->motion);
-    free(lines->stress);
-    free(lines->force);
-    free(lines->block_modulus_Pa);
-    free(lines->block_inverted);
-    memset(lines, 0, sizeof *lines);
-}
-
-static inline vector8 load8(const sphm_real *from) {
-    return *(const vector8 *)__builtin_assume_aligned(from, 8 * sizeof(sphm_real));
-}
+enum { LANES = SPHM_SOLID_BATCH };
 
 static inline vector16 load16(const sphm_real *from) {
     return *(const vector16 *)__builtin_assume_aligned(from, 16 * sizeof(sphm_real));
 }
 
-/* sums[4 * q + d] of q = u, v: the sum over the row of (q_j - q_i)_d w X_c, in sums[c]. Four pairs at a time,
- * even and odd ones apart, to keep enough additions in flight; the order of the sum is fixed. */
-static inline void sum_deformation(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t slot,
-                                   vector8 sums[3]) {
-    const size_t begin = field->rows->row_start[slot];
-    const size_t last = begin + (((size_t)field->rows->row_count[slot] + 3) & ~(size_t)3);
-    const int32_t *neighbour = field->rows->slot;
-    const sphm_real *pair = field->gradient->pair, *motion = lines->motion;
-    const vector8 own = load8(motion + SPHM_MOTION_LINE * slot);
-    vector8 sum[2][3];
-    memset(sum, 0, sizeof sum);
-    for (size_t k = begin; k < last; k += 4) {
-        const sphm_real *w = pair + 4 * k;
-        for (int p = 0; p < 4; ++p, w += 4) {
-            const vector8 difference =
-                load8(motion + SPHM_MOTION_LINE * (size_t)neighbour[k + (size_t)p]) - own;
-            sum[p & 1][0] += difference * w[0];
-            sum[p & 1][1] += difference * w[1];
-            sum[p & 1][2] += difference * w[2];
-        }
+static inline void store16(sphm_real *to, vector16 value) {
+    *(vector16 *)__builtin_assume_aligned(to, 16 * sizeof(sphm_real)) = value;
+}
+
+/* SHUFFLE(a, b, 16 lane numbers): 0 ... 15 are those of a, 16 ... 31 those of b. gcc learned clang's name for
+ * it with version 12 only. */
+#ifdef __clang__
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#ifdef SPH_MUSCLE_DOUBLE
+typedef int64_t lanes16 __attribute__((vector_size(16 * sizeof(int64_t))));
+#else
+typedef int32_t lanes16 __attribute__((vector_size(16 * sizeof(int32_t))));
+#endif
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (lanes16){__VA_ARGS__})
+#endif
+
+/* The last lane of each quarter, four times. */
+#define SPREAD(v) SHUFFLE(v, v, 3, 3, 3, 3, 7, 7, 7, 7, 11, 11, 11, 11, 15, 15, 15, 15)
+
+/* Four numbers, four times. Compilers make a detour over the stack of what is one load. */
+static inline vector16 repeat4(const sphm_real *from) {
+#if defined(__AVX512F__) && !defined(SPH_MUSCLE_DOUBLE)
+    return (vector16)_mm512_broadcast_f32x4(_mm_load_ps(from));
+#else
+    const vector4 v = *(const vector4 *)__builtin_assume_aligned(from, sizeof v);
+    const vector4 quarters[4] = {v, v, v, v};
+    vector16 whole;
+    memcpy(&whole, quarters, sizeof whole);
+    return whole;
+#endif
+}
+
+/* displacement[4 * c + d]: the sum over the row of (u_j - u_i)_d w X_c. velocity[4 * c + d]: the sum of
+ * (v_j)_d w X_c, without v_i, whose share is known beforehand (displacements are too near to each other for
+ * that). Even and odd pairs apart, to keep enough additions in flight; the order of the sum is fixed. */
+static inline void sum_deformation(const sphm_solid_lines *lines, size_t slot, vector16 *displacement,
+                                   vector16 *velocity) {
+    const sphm_solid_pair *pair = lines->pair + lines->row_start[slot],
+                          *end = lines->pair + lines->row_start[slot + 1];
+    const sphm_real *wide = lines->wide;
+    const vector16 own = load16(wide + SPHM_STRESS_LINE * slot);
+    vector16 u0 = {0}, u1 = {0}, v0 = {0}, v1 = {0};
+    for (; pair < end; pair += 2) {
+        const sphm_real *line0 = wide + SPHM_STRESS_LINE * (size_t)pair[0].slot,
+                        *line1 = wide + SPHM_STRESS_LINE * (size_t)pair[1].slot;
+        const vector16 jump0 = load16(line0) - own, jump1 = load16(line1) - own;
+        const vector16 wX0 = SPREAD(jump0) * pair[0].weight, wX1 = SPREAD(jump1) * pair[1].weight;
+        u0 += jump0 * wX0;
+        u1 += jump1 * wX1;
+        v0 += repeat4(line0 + 12) * wX0;
+        v1 += repeat4(line1 + 12) * wX1;
     }
-    for (int c = 0; c < 3; ++c)
-        sums[c] = sum[0][c] + sum[1][c];
+    *displacement = u0 + u1;
+    *velocity = v0 + v1;
 }
 
-/* H = S B of a symmetric B, with S in the columns `sums`. */
-static inline void correct_deformation(const vector8 sums[3], const sphm_real b[6], sphm_real H[9],
-                                       sphm_real rate[9]) {
-    const vector8 columns[3] = {sums[0] * b[0] + sums[1] * b[1] + sums[2] * b[2],
-                                sums[0] * b[1] + sums[1] * b[3] + sums[2] * b[4],
-                                sums[0] * b[2] + sums[1] * b[4] + sums[2] * b[5]};
-    for (int i = 0; i < 3; ++i)
-        for (int c = 0; c < 3; ++c) {
-            H[3 * i + c] = columns[c][i];
-            rate[3 * i + c] = columns[c][4 + i];
-        }
-}
-
-void sphm_solid_deformation(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t slot,
-                            sphm_real H[9], sphm_real rate[9]) {
-    vector8 sums[3];
-    sum_deformation(field, lines, slot, sums);
-    correct_deformation(sums, field->gradient->correction + 6 * slot, H, rate);
-}
-
-/* Some particles' deformation gradients and what comes out of them, component by component, so that the
- * material is evaluated for many particles at a time. Small enough to stay in the first-level cache. */
-#define LANES 64
-typedef struct stress_block {
-    sphm_real H[9][LANES], rate[9][LANES], A[9][LANES];
-    sphm_real fibre[3][LANES], activation[LANES], correction[6][LANES];
+/* Some particles' sums and what comes out of them, component by component, so that the material is evaluated
+ * for many particles at a time. */
+typedef struct stress_batch {
+    sphm_real displacement[16][LANES], velocity[16][LANES]; /* sums over the row */
+    sphm_real own[16][LANES];                               /* `wide` lines */
+    sphm_real stress[16][LANES];                            /* `stress` lines */
+    sphm_real fibre[3][LANES], activation[LANES];
     sphm_real modulus[LANES], J[LANES], pressure[LANES];
-} stress_block;
+} stress_batch;
+
+/* One of four rounds of a 16 x 16 transposition: swaps blocks of s x s. */
+#define KEEP_LOW(s, k) (((k) & (s)) ? 16 + ((k) ^ (s)) : (k))
+#define KEEP_HIGH(s, k) (((k) & (s)) ? 16 + (k) : ((k) ^ (s)))
+#define PICK(which, s, a, b)                                                                                 \
+    SHUFFLE(a, b, which(s, 0), which(s, 1), which(s, 2), which(s, 3), which(s, 4), which(s, 5), which(s, 6), \
+            which(s, 7), which(s, 8), which(s, 9), which(s, 10), which(s, 11), which(s, 12), which(s, 13),   \
+            which(s, 14), which(s, 15))
+#define ROUND(s)                                                                                             \
+    _Pragma("GCC unroll 16") for (int k = 0; k < 16; ++k) if (!(k & (s))) {                                  \
+        const vector16 a = row[k], b = row[k | (s)];                                                         \
+        row[k] = PICK(KEEP_LOW, s, a, b);                                                                    \
+        row[k | (s)] = PICK(KEEP_HIGH, s, a, b);                                                             \
+    }
+
+static inline __attribute__((always_inline)) void transpose(vector16 row[16]) {
+    ROUND(1)
+    ROUND(2)
+    ROUND(4)
+    ROUND(8)
+}
+
+/* 16 lines side by side become columns `at` ... `at` + 15 of `to`. */
+static inline void lines_to_lanes(const sphm_real *lines, sphm_real to[16][LANES], size_t at) {
+    vector16 row[16];
+#pragma GCC unroll 16
+    for (int k = 0; k < 16; ++k)
+        row[k] = load16(lines + 16 * k);
+    transpose(row);
+#pragma GCC unroll 16
+    for (int k = 0; k < 16; ++k)
+        store16(to[k] + at, row[k]);
+}
+
+static inline void lanes_to_lines(sphm_real from[16][LANES], size_t at, sphm_real *lines) {
+    vector16 row[16];
+#pragma GCC unroll 16
+    for (int k = 0; k < 16; ++k)
+        row[k] = load16(from[k] + at);
+    transpose(row);
+#pragma GCC unroll 16
+    for (int k = 0; k < 16; ++k)
+        store16(lines + 16 * k, row[k]);
+}
 
 /* Lanes beyond the last particle keep what the previous batch left there: finite, and never stored. */
-static void gather_block(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t begin,
-                         size_t end, stress_block *b) {
-    for (size_t slot = begin; slot < end; ++slot) {
-        const size_t i = slot - begin;
-        sphm_real H[9], rate[9];
-        sphm_solid_deformation(field, lines, slot, H, rate);
-        for (int d = 0; d < 9; ++d) {
-            b->H[d][i] = H[d];
-            b->rate[d][i] = rate[d];
+static void gather_batch(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t begin,
+                         size_t end, stress_batch *b) {
+    sphm_real sums[3][16 * 16] __attribute__((aligned(16 * sizeof(sphm_real))));
+    for (size_t at = 0; begin + at < end; at += 16) {
+        const size_t first = begin + at, n = end - first < 16 ? end - first : 16;
+        if (n < 16)
+            memset(sums, 0, sizeof sums);
+        for (size_t k = 0; k < n; ++k) {
+            vector16 displacement, velocity;
+            sum_deformation(lines, first + k, &displacement, &velocity);
+            store16(sums[0] + 16 * k, displacement);
+            store16(sums[1] + 16 * k, velocity);
         }
-        for (int d = 0; d < 6; ++d)
-            b->correction[d][i] = field->gradient->correction[6 * slot + (size_t)d];
+        memcpy(sums[2], lines->wide + SPHM_STRESS_LINE * first, n * 16 * sizeof(sphm_real));
+        lines_to_lanes(sums[0], b->displacement, at);
+        lines_to_lanes(sums[1], b->velocity, at);
+        lines_to_lanes(sums[2], b->own, at);
     }
     const size_t bytes = (end - begin) * sizeof(sphm_real);
     memcpy(b->fibre[0], field->fibre_x + begin, bytes);
@@ -132,18 +158,43 @@ static void gather_block(const sphm_solid_field *field, const sphm_solid_lines *
     memcpy(b->activation, field->activation + begin, bytes);
 }
 
-/* The material at one particle: from H and its rate to A. */
+/* H = S B of a symmetric B, with column c of S in sum[3 * c]. */
+static inline __attribute__((always_inline)) void correct(const sphm_real sum[9], const sphm_real B[6],
+                                                          sphm_real H[9]) {
+#pragma GCC unroll 3
+    for (int r = 0; r < 3; ++r) {
+        const sphm_real x = sum[r], y = sum[3 + r], z = sum[6 + r];
+        H[3 * r] = x * B[0] + y * B[1] + z * B[2];
+        H[3 * r + 1] = x * B[1] + y * B[3] + z * B[4];
+        H[3 * r + 2] = x * B[2] + y * B[4] + z * B[5];
+    }
+}
+
+/* The material at one particle: from the sums over its row to its line. `constant` is its column. */
 static inline __attribute__((always_inline)) void evaluate_particle(const sphm_solid_field *field,
                                                                     const sphm_solid_constants *constants,
-                                                                    size_t i, stress_block *b) {
-    const sphm_real half_k = field->hourglass_Pa / 2, tau = field->hourglass_time_s;
-    sphm_real F[9], rate[9], P[9];
+                                                                    const sphm_real *constant, size_t stride,
+                                                                    size_t i, stress_batch *b) {
+    const sphm_real k = field->hourglass_Pa, half_k = k / 2, tau = field->hourglass_time_s;
+    sphm_real sum[9], rate_sum[9], B[6], H[9], F[9], rate[9], P[9];
     sphm_fibre_stress fibre;
-#pragma GCC unroll 9
-    for (int d = 0; d < 9; ++d) {
-        F[d] = b->H[d][i] + (sphm_real)(d % 4 == 0);
-        rate[d] = b->rate[d][i];
+#pragma GCC unroll 6
+    for (int d = 0; d < 6; ++d)
+        B[d] = constant[(size_t)d * stride + i];
+#pragma GCC unroll 3
+    for (int c = 0; c < 3; ++c) {
+        const sphm_real total = constant[(size_t)(6 + c) * stride + i];
+#pragma GCC unroll 3
+        for (int r = 0; r < 3; ++r) {
+            sum[3 * c + r] = b->displacement[4 * c + r][i];
+            rate_sum[3 * c + r] = b->velocity[4 * c + r][i] - b->own[12 + r][i] * total;
+        }
     }
+    correct(sum, B, H);
+    correct(rate_sum, B, rate);
+#pragma GCC unroll 9
+    for (int d = 0; d < 9; ++d)
+        F[d] = H[d] + (sphm_real)(d % 4 == 0);
     const sphm_real f0[3] = {b->fibre[0][i], b->fibre[1][i], b->fibre[2][i]};
     const sphm_real J = sphm_solid_stress(F, f0, b->activation[i], constants, P, &fibre);
     sphm_solid_add_viscous_stress(F, rate, f0, field->viscosity_Pa_s, 1 / J, P);
@@ -154,103 +205,136 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
     b->J[i] = J;
     b->pressure[i] = trace / (-3 * J);
     b->modulus[i] = sphm_solid_wave_modulus(F, J, &fibre, constants);
-    const sphm_real xx = b->correction[0][i], xy = b->correction[1][i], xz = b->correction[2][i],
-                    yy = b->correction[3][i], yz = b->correction[4][i], zz = b->correction[5][i];
+#pragma GCC unroll 9
+    for (int d = 0; d < 9; ++d)
+        H[d] = half_k * (H[d] + tau * rate[d]);
 #pragma GCC unroll 3
-    for (int r = 0; r < 9; r += 3) {
-        b->A[r][i] = P[r] * xx + P[r + 1] * xy + P[r + 2] * xz - half_k * (b->H[r][i] + tau * rate[r]);
-        b->A[r + 1][i] =
-            P[r] * xy + P[r + 1] * yy + P[r + 2] * yz - half_k * (b->H[r + 1][i] + tau * rate[r + 1]);
-        b->A[r + 2][i] =
-            P[r] * xz + P[r + 1] * yz + P[r + 2] * zz - half_k * (b->H[r + 2][i] + tau * rate[r + 2]);
+    for (int r = 0; r < 3; ++r) {
+        const sphm_real x = P[3 * r], y = P[3 * r + 1], z = P[3 * r + 2];
+        b->stress[r][i] = x * B[0] + y * B[1] + z * B[2] - H[3 * r];
+        b->stress[4 + r][i] = x * B[1] + y * B[3] + z * B[4] - H[3 * r + 1];
+        b->stress[8 + r][i] = x * B[2] + y * B[4] + z * B[5] - H[3 * r + 2];
+        b->stress[12 + r][i] = k * (b->own[r][i] + tau * b->own[12 + r][i]);
+        b->stress[4 * r + 3][i] = b->own[4 * r + 3][i];
     }
 }
 
-static void evaluate_block(const sphm_solid_field *field, stress_block *b) {
+static void evaluate_batch(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t begin,
+                           stress_batch *b) {
     const sphm_solid_constants constants = field->constants;
     const sphm_solid_field local = *field;
+    const sphm_real *constant = lines->constant + begin;
+    const size_t stride = lines->stride;
 #pragma omp simd
     for (size_t i = 0; i < LANES; ++i)
-        evaluate_particle(&local, &constants, i, b);
+        evaluate_particle(&local, &constants, constant, stride, i, b);
 }
 
-static void store_block(const sphm_solid_field *field, sphm_solid_lines *lines, size_t begin, size_t end,
-                        const stress_block *b) {
-    const sphm_real k = field->hourglass_Pa, tau = field->hourglass_time_s;
-    double *modulus = lines->block_modulus_Pa + begin / SPHM_BLOCK;
-    int32_t *inverted = lines->block_inverted + begin / SPHM_BLOCK;
-    for (size_t slot = begin; slot < end; ++slot) {
-        const size_t i = slot - begin;
-        sphm_real *line = lines->stress + SPHM_STRESS_LINE * slot;
+static void store_batch(const sphm_solid_field *field, sphm_solid_lines *lines, size_t begin, size_t end,
+                        stress_batch *b) {
+    const size_t n = end - begin;
+    for (size_t at = 0; at < n; at += 16) {
+        sphm_real *line = lines->stress + SPHM_STRESS_LINE * (begin + at);
+        sphm_real last[16 * 16] __attribute__((aligned(16 * sizeof(sphm_real))));
+        lanes_to_lines(b->stress, at, n - at < 16 ? last : line);
+        if (n - at < 16)
+            memcpy(line, last, (n - at) * 16 * sizeof(sphm_real));
+    }
+    sphm_real modulus = 0;
+    int inverted = 0;
+#pragma omp simd reduction(max : modulus) reduction(| : inverted)
+    for (size_t i = 0; i < n; ++i) {
+        field->density[begin + i] = field->density_kg_per_m3 / b->J[i];
+        field->pressure[begin + i] = b->pressure[i];
+        modulus = b->modulus[i] > modulus ? b->modulus[i] : modulus;
+        inverted |= !(b->J[i] > 0);
+    }
+    double *stiffest = lines->block_modulus_Pa + begin / SPHM_BLOCK;
+    int32_t *first = lines->block_inverted + begin / SPHM_BLOCK;
+    *stiffest = (double)modulus > *stiffest ? (double)modulus : *stiffest;
+    for (size_t i = 0; inverted && *first < 0 && i < n; ++i)
+        if (!(b->J[i] > 0))
+            *first = (int32_t)(begin + i);
+}
+
+static void widen_block(sphm_solid_lines *lines, size_t block) {
+    for (size_t slot = sphm_block_begin(block); slot < sphm_block_end(block, lines->count); ++slot) {
         const sphm_real *motion = lines->motion + SPHM_MOTION_LINE * slot;
-        for (int c = 0; c < 3; ++c)
-            for (int r = 0; r < 3; ++r)
-                line[4 * c + r] = b->A[3 * r + c][i];
-        for (int r = 0; r < 3; ++r)
-            line[12 + r] = k * (motion[r] + tau * motion[4 + r]);
-        field->density[slot] = field->density_kg_per_m3 / b->J[i];
-        field->pressure[slot] = b->pressure[i];
-        *modulus = (double)b->modulus[i] > *modulus ? (double)b->modulus[i] : *modulus;
-        if (*inverted < 0 && !(b->J[i] > 0))
-            *inverted = (int32_t)slot;
+        sphm_real *wide = lines->wide + SPHM_STRESS_LINE * slot;
+#pragma GCC unroll 3
+        for (int d = 0; d < 3; ++d) {
+            wide[d] = wide[4 + d] = wide[8 + d] = motion[d];
+            wide[12 + d] = motion[4 + d];
+        }
+    }
+}
+
+static void stress_block(const sphm_solid_field *field, sphm_solid_lines *lines, size_t block) {
+    const size_t end = sphm_block_end(block, lines->count);
+    stress_batch b __attribute__((aligned(16 * sizeof(sphm_real))));
+    memset(&b, 0, sizeof b);
+    lines->block_modulus_Pa[block] = 0;
+    lines->block_inverted[block] = -1;
+    for (size_t begin = sphm_block_begin(block); begin < end; begin += LANES) {
+        const size_t batch_end = begin + LANES < end ? begin + LANES : end;
+        gather_batch(field, lines, begin, batch_end, &b);
+        evaluate_batch(field, lines, begin, &b);
+        store_batch(field, lines, begin, batch_end, &b);
     }
 }
 
 void sphm_solid_stress_sweep(const sphm_solid_field *field, sphm_solid_lines *lines) {
     const size_t blocks = sphm_block_count(lines->count);
-#pragma omp parallel for num_threads(field->threads) schedule(static)
-    for (size_t block = 0; block < blocks; ++block) {
-        const size_t end = sphm_block_end(block, lines->count);
-        stress_block b;
-        memset(&b, 0, sizeof b);
-        lines->block_modulus_Pa[block] = 0;
-        lines->block_inverted[block] = -1;
-        for (size_t begin = sphm_block_begin(block); begin < end; begin += LANES) {
-            const size_t batch_end = begin + LANES < end ? begin + LANES : end;
-            gather_block(field, lines, begin, batch_end, &b);
-            evaluate_block(field, &b);
-            store_block(field, lines, begin, batch_end, &b);
-        }
+#pragma omp parallel num_threads(field->threads)
+    {
+#pragma omp for schedule(static)
+        for (size_t block = 0; block < blocks; ++block)
+            widen_block(lines, block);
+#pragma omp for schedule(static)
+        for (size_t block = 0; block < blocks; ++block)
+            stress_block(field, lines, block);
     }
 }
 
-/* w X, w Y, w Z, w of pair p of four, each four times. */
-#ifdef __clang__
-#define SPREAD(w, p)                                                                                         \
-    __builtin_shufflevector(w, w, 4 * p, 4 * p, 4 * p, 4 * p, 4 * p + 1, 4 * p + 1, 4 * p + 1, 4 * p + 1,    \
-                            4 * p + 2, 4 * p + 2, 4 * p + 2, 4 * p + 2, 4 * p + 3, 4 * p + 3, 4 * p + 3,     \
-                            4 * p + 3)
-#else
-#define SPREAD(w, p)                                                                                         \
-    __builtin_shuffle(w, (lanes16){4 * p, 4 * p, 4 * p, 4 * p, 4 * p + 1, 4 * p + 1, 4 * p + 1, 4 * p + 1,   \
-                                   4 * p + 2, 4 * p + 2, 4 * p + 2, 4 * p + 2, 4 * p + 3, 4 * p + 3,         \
-                                   4 * p + 3, 4 * p + 3})
-#endif
+void sphm_solid_deformation(const sphm_solid_lines *lines, size_t slot, sphm_real H[9], sphm_real rate[9]) {
+    vector16 displacement, velocity;
+    sphm_real sum[9], rate_sum[9], B[6];
+    sum_deformation(lines, slot, &displacement, &velocity);
+    for (size_t d = 0; d < 6; ++d)
+        B[d] = lines->constant[d * lines->stride + slot];
+    for (size_t c = 0; c < 3; ++c)
+        for (size_t r = 0; r < 3; ++r) {
+            sum[3 * c + r] = displacement[4 * c + r];
+            rate_sum[3 * c + r] = velocity[4 * c + r] - lines->wide[SPHM_STRESS_LINE * slot + 12 + r] *
+                                                            lines->constant[(6 + c) * lines->stride + slot];
+        }
+    correct(sum, B, H);
+    correct(rate_sum, B, rate);
+}
 
 /* f_i/V = sum_j [(A_i + A_j) w X_ij + w k (u_j - u_i + tau (v_j - v_i))]: the line of j minus the line of i
- * with its matrix negated, times the pair's four numbers, then the sum of the four quarters. */
+ * with its matrix negated has X_ij in its last lanes, and 1 in the very last; w times those, each four times,
+ * times the difference, then the sum of the four quarters. */
 static inline void sum_force(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t slot,
                              sphm_real force[4]) {
-    const size_t begin = field->rows->row_start[slot];
-    const size_t last = begin + (((size_t)field->rows->row_count[slot] + 3) & ~(size_t)3);
-    const int32_t *neighbour = field->rows->slot;
-    const sphm_real *pair = field->gradient->pair, *stress = lines->stress;
-    const vector16 sign = {-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, 1, 1, 1, 1};
-    const vector16 own = load16(stress + SPHM_STRESS_LINE * slot) * sign;
-    vector16 even, odd;
-    memset(&even, 0, sizeof even);
-    memset(&odd, 0, sizeof odd);
-    for (size_t k = begin; k < last; k += 4) {
-        const vector16 w = load16(pair + 4 * k);
-        const int32_t *j = neighbour + k;
-        even += (load16(stress + SPHM_STRESS_LINE * (size_t)j[0]) - own) * SPREAD(w, 0);
-        odd += (load16(stress + SPHM_STRESS_LINE * (size_t)j[1]) - own) * SPREAD(w, 1);
-        even += (load16(stress + SPHM_STRESS_LINE * (size_t)j[2]) - own) * SPREAD(w, 2);
-        odd += (load16(stress + SPHM_STRESS_LINE * (size_t)j[3]) - own) * SPREAD(w, 3);
+    const vector16 sign = {-1, -1, -1, 1, -1, -1, -1, 1, -1, -1, -1, 1, 1, 1, 1, 1};
+    const vector16 one = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+    const sphm_solid_pair *pair = lines->pair + lines->row_start[slot],
+                          *end = lines->pair + lines->row_start[slot + 1];
+    const sphm_real *stress = lines->stress;
+    const vector16 own = load16(stress + SPHM_STRESS_LINE * slot) * sign - one;
+    vector16 even = {0}, odd = {0};
+    for (; pair < end; pair += 2) {
+        const vector16 line0 = load16(stress + SPHM_STRESS_LINE * (size_t)pair[0].slot) - own,
+                       line1 = load16(stress + SPHM_STRESS_LINE * (size_t)pair[1].slot) - own;
+        even += line0 * (SPREAD(line0) * pair[0].weight);
+        odd += line1 * (SPREAD(line1) * pair[1].weight);
     }
     const vector16 sum = even + odd;
-    for (int d = 0; d < 4; ++d)
-        force[d] = field->particle_volume_m3 * ((sum[d] + sum[4 + d]) + (sum[8 + d] + sum[12 + d]));
+    vector4 quarter[4];
+    memcpy(quarter, &sum, sizeof sum);
+    *(vector4 *)__builtin_assume_aligned(force, sizeof(vector4)) =
+        field->particle_volume_m3 * ((quarter[0] + quarter[1]) + (quarter[2] + quarter[3]));
 }
 
 void sphm_solid_force_sweep(const sphm_solid_field *field, sphm_solid_lines *lines) {
