@@ -41,6 +41,8 @@ if(NOT SPH_MUSCLE_ROS STREQUAL "OFF")
       sensor_msgs
       std_msgs
       std_srvs
+      tf2
+      tf2_ros
       visualization_msgs
     )
     set(SPH_MUSCLE_WITH_ROS ${catkin_FOUND})
@@ -56,7 +58,7 @@ if(SPH_MUSCLE_WITH_ROS)
     INCLUDE_DIRS include
     LIBRARIES ${PROJECT_NAME} ${PROJECT_NAME}_io
     CATKIN_DEPENDS diagnostic_msgs diagnostic_updater geometry_msgs message_runtime roscpp sensor_msgs std_msgs
-                   std_srvs visualization_msgs
+                   std_srvs tf2 tf2_ros visualization_msgs
   )
 else()
   message(STATUS "sph_muscle: without the ROS node (SPH_MUSCLE_ROS=${SPH_MUSCLE_ROS})")

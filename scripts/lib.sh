@@ -17,7 +17,8 @@ using_opt_ros() { [[ -n ${ROS_DISTRO:-} && -f /opt/ros/$ROS_DISTRO/setup.bash ]]
 # Packages by purpose, as Debian 12 names them.
 packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev catkin ros-message-generation
     libroscpp-dev libstd-msgs-dev libsensor-msgs-dev libgeometry-msgs-dev libvisualization-msgs-dev
-    libstd-srvs-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev ros-std-msgs ros-geometry-msgs"
+    libstd-srvs-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev ros-std-msgs ros-geometry-msgs
+    libtf2-dev libtf2-ros-dev"
 packages_run="python3-roslaunch rosout rosbash python3-rostopic python3-rosnode python3-rosservice
     python3-rosparam python3-rosmsg rospack-tools python3-rospy python3-geometry-msgs python3-std-msgs
     python3-std-srvs python3-rosbag"
@@ -28,19 +29,19 @@ packages_core="build-essential cmake pkg-config git"
 packages_validation="python3-numpy python3-scipy python3-matplotlib python3-dolfinx gmsh python3-gmsh
     python3-petsc4py libopenblas0-serial"
 packages_test="libgtest-dev librostest-dev python3-rostest python3-rosunit python3-sensor-msgs
-    python3-visualization-msgs python3-diagnostic-msgs catkin-lint catkin-tools
+    python3-visualization-msgs python3-diagnostic-msgs python3-tf2-msgs catkin-lint catkin-tools
     clang-format ccache git"
 
 if using_opt_ros; then
     p=ros-$ROS_DISTRO
     packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev $p-catkin $p-message-generation
         $p-roscpp $p-std-msgs $p-sensor-msgs $p-geometry-msgs $p-visualization-msgs $p-std-srvs
-        $p-diagnostic-msgs $p-diagnostic-updater $p-message-runtime"
+        $p-diagnostic-msgs $p-diagnostic-updater $p-message-runtime $p-tf2 $p-tf2-ros"
     packages_run="$p-roslaunch $p-rosout $p-rosbash $p-rostopic $p-rosnode $p-rosservice $p-rosparam $p-rosmsg
         $p-rospy $p-rosbag"
     packages_view="$p-rviz"
     packages_screenshot="$p-rviz xvfb xauth libgl1-mesa-dri imagemagick"
-    packages_test="libgtest-dev $p-rostest $p-rosunit ccache git"
+    packages_test="libgtest-dev $p-rostest $p-rosunit $p-tf2-msgs ccache git"
 fi
 
 as_root() {

@@ -38,6 +38,8 @@ enum { MARKER = 0x53504831 }; /* "SPH1" */
     SAME(c, "pressure|fibre_tension") && SPHM_COUPLING_PRESSURE == 0 && SPHM_COUPLING_FIBRE_TENSION == 1
 #define CHOICES_fibre_coupling(c)                                                                            \
     SAME(c, "true_stretch|volume_free") && SPHM_FIBRE_TRUE_STRETCH == 0 && SPHM_FIBRE_VOLUME_FREE == 1
+#define CHOICES_end_orientation(c)                                                                           \
+    SAME(c, "frame|line") && SPHM_END_ORIENTATION_FRAME == 0 && SPHM_END_ORIENTATION_LINE == 1
 #define CHOICES_time_step_policy(c)                                                                          \
     SAME(c, "reduce|refuse") && SPHM_TIME_STEP_REDUCE == 0 && SPHM_TIME_STEP_REFUSE == 1
 #define CHOICES_surface_field(c)                                                                             \

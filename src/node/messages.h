@@ -17,6 +17,7 @@ namespace sph_muscle {
 void fill_cloud(const sphm_particles &particles, sensor_msgs::PointCloud2 *cloud);
 
 void fill_state(const sphm_observation &observation, MuscleState *state);
+// The force and the moment alone; the message's frame is the caller's affair.
 void fill_wrench(const sphm_wrench &wrench, geometry_msgs::Wrench *message);
 
 // The values that get the coldest and the hottest colour: fixed, or (minimum == maximum) following the data,

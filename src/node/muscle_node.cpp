@@ -48,8 +48,10 @@ MuscleNode::MuscleNode() : MuscleNode(quiet_context()) {
     context_.log = log_to_ros;
     parameters_ = read_parameters(private_handle_, &context_);
     create_simulation();
+    listen_to_frames();
     advertise();
     Simulation::Listener listener;
+    listener.prepare = [this](double tick_s) { follow_frames(tick_s); };
     listener.publish = [this](bool all) { publish(all); };
     listener.failed = [](const std::string &why) {
         ROS_ERROR("the muscle has stopped: %s. The service reset brings it back.", why.c_str());
@@ -80,6 +82,15 @@ void MuscleNode::create_simulation() {
     ROS_INFO("%zu particles, %.2f mm apart, length %.1f mm, time step %.3g ms, on %s, %g ticks/s",
              body->count, 1e3 * body->spacing_m, 1e3 * body->length_m, 1e3 * sphm_muscle_time_step(muscle),
              device_.c_str(), parameters_.rate);
+}
+
+void MuscleNode::listen_to_frames() {
+    ends_ = std::make_unique<EndFrames>(parameters_, frames_);
+    if (!ends_->any())
+        return;
+    if (parameters_.tissue != SPHM_TISSUE_SOLID)
+        throw Refused("origin_frame and insertion_frame need tissue: solid, whose ends can be moved");
+    frames_listener_ = std::make_unique<tf2_ros::TransformListener>(frames_, handle_);
 }
 
 void MuscleNode::advertise() {
@@ -164,20 +175,42 @@ void MuscleNode::queue(const char *topic, const Attempt &attempt) {
     const bool queued = simulation_->post([this, name, attempt] {
         sphm_context context = quiet_context();
         if (attempt(simulation_->muscle(), &context) != SPHM_OK)
-            warn(name, context.message);
+            warn(name, std::string("message dropped: ") + context.message);
     });
     if (!queued)
         ROS_WARN_THROTTLE(2, "%s: dropped, commands come faster than the muscle steps", name.c_str());
 }
 
 // Throttled by the wall clock: ROS time may stand still or jump back.
-void MuscleNode::warn(const std::string &topic, const std::string &text) {
+void MuscleNode::warn(const std::string &what, const std::string &text) {
     const WallTime now = WallClock::now();
-    const auto last = warned_.find(topic);
+    const auto last = warned_.find(what);
     if (last != warned_.end() && now - last->second < warning_period)
         return;
-    warned_[topic] = now;
-    ROS_WARN("%s: message dropped: %s", topic.c_str(), text.c_str());
+    warned_[what] = now;
+    ROS_WARN("%s: %s", what.c_str(), text.c_str());
+}
+
+// After a reset or a restored snapshot; on the simulation's thread.
+void MuscleNode::state_replaced() {
+    ends_->restart();
+    simulation_->state_replaced();
+}
+
+// tf ------------------------------------------------------------------------------------------------------
+
+void MuscleNode::follow_frames(double tick_s) {
+    if (!ends_->any())
+        return;
+    ends_->follow(simulation_->muscle(), tick_s, ros::Time::now());
+    const std::string frames[SPHM_END_COUNT] = {parameters_.origin_frame, parameters_.insertion_frame};
+    const char *const names[SPHM_END_COUNT] = {"origin", "insertion"};
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        if (!ends_->problem(end).empty())
+            warn("the " + std::string(names[end]) + " holds its pose, it cannot follow the tf frame '" +
+                     frames[end] + "'",
+                 ends_->problem(end));
+    }
 }
 
 // Services ------------------------------------------------------------------------------------------------
@@ -187,7 +220,7 @@ bool MuscleNode::reset(std_srvs::Trigger::Request &, std_srvs::Trigger::Response
     const bool done = simulation_->call([&] {
         response.success = sphm_muscle_reset(simulation_->muscle(), &context) == SPHM_OK;
         if (response.success)
-            simulation_->state_replaced();
+            state_replaced();
     });
     response.message = !done ? going_down : response.success ? "at rest, time 0" : context.message;
     return true;
@@ -223,7 +256,7 @@ bool MuscleNode::load_snapshot(Snapshot::Request &request, Snapshot::Response &r
     const bool done = simulation_->call([&] {
         response.success = sphm_muscle_load(simulation_->muscle(), path.c_str(), &context) == SPHM_OK;
         if (response.success)
-            simulation_->state_replaced();
+            state_replaced();
         response.simulated_time = sphm_muscle_time(simulation_->muscle());
     });
     response.message = !done ? going_down : response.success ? path : context.message;
@@ -282,6 +315,8 @@ bool MuscleNode::observe(const std_msgs::Header &header, MuscleState *state) {
     }
     fill_state(observation, state);
     state->paused = simulation_->paused();
+    state->origin_following = ends_->following(SPHM_END_ORIGIN);
+    state->insertion_following = ends_->following(SPHM_END_INSERTION);
     state->failed = simulation_->failed();
     state->real_time_factor = simulation_->real_time_factor();
     state->steps = sphm_muscle_steps(simulation_->muscle());
@@ -310,7 +345,8 @@ void MuscleNode::publish_wrench(int end, const std_msgs::Header &header) {
         return;
     }
     geometry_msgs::WrenchStamped message;
-    message.header = header;
+    message.header.stamp = header.stamp;
+    message.header.frame_id = ends_->express(simulation_->muscle(), end, &wrench);
     fill_wrench(wrench, &message.wrench);
     wrenches_[end].publish(message);
 }

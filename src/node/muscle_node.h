@@ -3,6 +3,7 @@
 #ifndef SPH_MUSCLE_NODE_MUSCLE_NODE_H
 #define SPH_MUSCLE_NODE_MUSCLE_NODE_H
 
+#include "end_frames.h"
 #include "messages.h"
 #include "ros_parameters.h"
 #include "simulation.h"
@@ -17,6 +18,8 @@
 #include <std_msgs/Float64.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
 
 #include <map>
 #include <memory>
@@ -34,6 +37,7 @@ class MuscleNode {
 
     // Set-up.
     void create_simulation();
+    void listen_to_frames();
     void advertise();
     void advertise_services();
     void start_diagnostics();
@@ -45,7 +49,7 @@ class MuscleNode {
     void on_activation_command(const std_msgs::Float64 &message);
     using Attempt = std::function<sphm_status(sphm_muscle *, sphm_context *)>;
     void queue(const char *topic, const Attempt &attempt);
-    void warn(const std::string &topic, const std::string &text);
+    void warn(const std::string &what, const std::string &text);
 
     // Services; each waits for the simulation's answer.
     bool reset(std_srvs::Trigger::Request &request, std_srvs::Trigger::Response &response);
@@ -55,6 +59,8 @@ class MuscleNode {
     bool load_snapshot(Snapshot::Request &request, Snapshot::Response &response);
 
     // On the simulation's thread.
+    void follow_frames(double tick_s);
+    void state_replaced();
     void publish(bool all);
     void publish_surface(const std_msgs::Header &header);
     void publish_wrench(int end, const std_msgs::Header &header);
@@ -73,7 +79,10 @@ class MuscleNode {
     ros::Publisher particles_, surface_, markers_, state_;
     ros::Publisher wrenches_[SPHM_END_COUNT]; // of the solid; the fluid has no force to tell
     ros::Subscriber stimulus_, stimulus_command_, external_force_, activation_command_;
-    std::map<std::string, WallTime> warned_; // by topic; the simulation's thread only
+    std::map<std::string, WallTime> warned_; // by what it was about; the simulation's thread only
+    tf2_ros::Buffer frames_;
+    std::unique_ptr<tf2_ros::TransformListener> frames_listener_; // none when no end follows a frame
+    std::unique_ptr<EndFrames> ends_;                             // the simulation's thread only
     std::unique_ptr<ColourRange> colours_;
     WallTime markers_published_;
 

@@ -183,6 +183,7 @@ void Simulation::rest() {
 
 void Simulation::begin_tick() {
     tick_began_ = WallClock::now();
+    listener_.prepare(tick_s_);
     const double slices = std::ceil(tick_s_ / sphm_muscle_time_step(muscle()) - 1e-9);
     slices_left_ = std::isfinite(slices) && slices > 1 ? static_cast<uint64_t>(std::min(slices, 1e9)) : 1;
     slice_s_ = tick_s_ / static_cast<double>(slices_left_);

@@ -34,7 +34,8 @@ class Simulation {
   public:
     using Command = std::function<void()>;
     struct Listener {
-        std::function<void(bool all)> publish; // after a tick; all: publish even what is thinned out
+        std::function<void(double tick_s)> prepare; // before a tick
+        std::function<void(bool all)> publish;      // after a tick; all: publish even what is thinned out
         std::function<void(const std::string &)> failed; // the muscle stopped, and why
     };
 
