@@ -7,18 +7,21 @@
 #include "cpu/parallel.h"
 
 /* Largest move since the rows were built, largest speed, and whether all is finite: a NaN or an infinity
- * makes x - x differ from 0. */
+ * makes x - x differ from 0. The arrays are named first: read through `s`, gcc gathered the pointers
+ * themselves, one for each lane, and the sweep took eight times as long. */
 static void watch_block(const sphm_state *s, size_t begin, size_t end, sphm_block_result *result) {
+    const sphm_real *x = s->x, *y = s->y, *z = s->z, *vx = s->vx, *vy = s->vy, *vz = s->vz;
+    const sphm_real *listed_x = s->listed_x, *listed_y = s->listed_y, *listed_z = s->listed_z;
+    const sphm_real *density = s->density, *pressure = s->pressure, *potential = s->membrane_potential,
+                    *recovery = s->recovery, *activation = s->activation;
     sphm_real moved2 = 0, speed2 = 0;
     int nonfinite = 0;
 #pragma omp simd reduction(max : moved2, speed2) reduction(| : nonfinite)
     for (size_t i = begin; i < end; ++i) {
-        const sphm_real dx = s->x[i] - s->listed_x[i], dy = s->y[i] - s->listed_y[i],
-                        dz = s->z[i] - s->listed_z[i];
+        const sphm_real dx = x[i] - listed_x[i], dy = y[i] - listed_y[i], dz = z[i] - listed_z[i];
         const sphm_real m = dx * dx + dy * dy + dz * dz;
-        const sphm_real v = s->vx[i] * s->vx[i] + s->vy[i] * s->vy[i] + s->vz[i] * s->vz[i];
-        const sphm_real sum = m + v + s->density[i] + s->pressure[i] + s->membrane_potential[i] +
-                              s->recovery[i] + s->activation[i];
+        const sphm_real v = vx[i] * vx[i] + vy[i] * vy[i] + vz[i] * vz[i];
+        const sphm_real sum = m + v + density[i] + pressure[i] + potential[i] + recovery[i] + activation[i];
         nonfinite |= !(sum - sum == 0);
         moved2 = m > moved2 ? m : moved2;
         speed2 = v > speed2 ? v : speed2;
