@@ -45,7 +45,7 @@ TEST(Fluid, XsphConservesMomentumAndSmooths) {
     s.run(1e-3);
     double before[3] = {0, 0, 0}, after[3] = {0, 0, 0}, energy_before = 0, energy_after = 0;
     for (size_t i = 0; i < s.b->state.count; ++i) {
-        const sphm_pack u = s.b->packs.velocity[i], w = s.b->packs.smoothed[i];
+        const sphm_pack u = s.b->packs.predicted[i].second, w = s.b->packs.smoothed[i].moving.second;
         before[0] += double(u.x), before[1] += double(u.y), before[2] += double(u.z);
         after[0] += double(w.x), after[1] += double(w.y), after[2] += double(w.z);
         energy_before += double(u.x * u.x + u.y * u.y + u.z * u.z);
@@ -115,8 +115,8 @@ TEST(Fluid, ARigidMotionCostsNoForce) {
         EXPECT_NEAR(double(t.ax[i]), 0, 20 * rounding * scale);
         EXPECT_NEAR(double(t.ay[i]), 0, 20 * rounding * scale);
         EXPECT_NEAR(double(t.az[i]), 0, 20 * rounding * scale);
-        EXPECT_NEAR(double(s.b->packs.velocity[i].x), 0, 1e-5);
-        EXPECT_NEAR(double(s.b->packs.velocity[i].y), 0, 1e-5);
+        EXPECT_NEAR(double(s.b->packs.predicted[i].second.x), 0, 1e-5);
+        EXPECT_NEAR(double(s.b->packs.predicted[i].second.y), 0, 1e-5);
     }
     EXPECT_NEAR(s.b->motion.rotation[0], c, 1e-6);
     EXPECT_NEAR(s.b->motion.rotation[3], q, 1e-6);

@@ -23,18 +23,15 @@ static void destroy(sphm_backend *b) {
     sphm_grid_free(&b->grid);
     sphm_neighbours_free(&b->rows);
     sphm_diffusion_free(&b->diffusion);
-    free(b->packs.position);
-    free(b->packs.velocity);
+    free(b->packs.predicted);
     free(b->packs.smoothed);
-    free(b->packs.rest);
-    free(b->packs.tension);
     free(b->results);
     free(b);
 }
 
-static sphm_pack *allocate_packs(size_t capacity) {
-    const size_t bytes = capacity * sizeof(sphm_pack); /* capacity is a multiple of 16 */
-    sphm_pack *packs = (sphm_pack *)aligned_alloc(64, bytes);
+static void *allocate_packs(size_t capacity, size_t size) {
+    const size_t bytes = capacity * size; /* capacity is a multiple of 16 */
+    void *packs = aligned_alloc(64, bytes);
     if (packs)
         memset(packs, 0, bytes);
     return packs;
@@ -54,16 +51,12 @@ static sphm_status allocate(sphm_backend *b, sphm_context *context) {
     if (status != SPHM_OK)
         return status;
     const size_t capacity = b->state.capacity;
-    const int oblique = model->fluid.fibre_tension_Pa > 0 && !fibres_are_parallel(&model->body);
+    b->packs.oblique = model->fluid.fibre_tension_Pa > 0 && !fibres_are_parallel(&model->body);
     b->blocks = sphm_block_count(b->state.count);
     b->results = (sphm_block_result *)calloc(b->blocks, sizeof *b->results);
-    b->packs.position = allocate_packs(capacity);
-    b->packs.velocity = allocate_packs(capacity);
-    b->packs.smoothed = allocate_packs(capacity);
-    b->packs.rest = allocate_packs(capacity);
-    b->packs.tension = oblique ? allocate_packs(capacity) : NULL;
-    if (!b->results || !b->packs.position || !b->packs.velocity || !b->packs.smoothed || !b->packs.rest ||
-        (oblique && !b->packs.tension))
+    b->packs.predicted = (sphm_twin *)allocate_packs(capacity, sizeof(sphm_twin));
+    b->packs.smoothed = (sphm_quad *)allocate_packs(capacity, sizeof(sphm_quad));
+    if (!b->results || !b->packs.predicted || !b->packs.smoothed)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the sweeps over %zu particles",
                          b->state.count);
     return SPHM_OK;
@@ -197,7 +190,7 @@ static sphm_status restore(sphm_backend *b, const sphm_state *from, sphm_context
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to restore %zu particles", s->count);
     for (size_t slot = 0; slot < s->count; ++slot)
         slots[s->id[slot]] = (int32_t)slot;
-    sphm_state_permute(s, slots, b->packs.velocity);
+    sphm_state_permute(s, slots, b->packs.predicted);
     sphm_status status = sphm_state_load_by_id(from, s, slots, context);
     free(slots);
     /* The old state is gone: what has no rows can neither go on nor go back. */
@@ -225,9 +218,9 @@ static sphm_time_step_limits limits(const sphm_backend *b) {
 }
 
 static size_t memory_bytes(const sphm_backend *b) {
-    const size_t packs = b->packs.tension ? 5 : 4;
-    return sizeof *b + sphm_state_bytes(b->state.count) + packs * b->state.capacity * sizeof(sphm_pack) +
-           b->blocks * sizeof *b->results + (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t) +
+    return sizeof *b + sphm_state_bytes(b->state.count) +
+           b->state.capacity * (sizeof(sphm_twin) + sizeof(sphm_quad)) + b->blocks * sizeof *b->results +
+           (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t) +
            b->rows.capacity * sizeof(int32_t) + (b->rows.count + 1) * sizeof(size_t) +
            b->rows.count * sizeof(int32_t) + b->diffusion.capacity * sizeof(sphm_real) +
            6 * b->diffusion.particles * sizeof(double);

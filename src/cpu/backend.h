@@ -49,7 +49,7 @@ struct sphm_backend {
 
 /* shape_matching.c: the best rigid motion of the whole muscle, from positions and rest positions. */
 void sphm_cpu_find_rigid_motion(sphm_backend *backend);
-/* prediction.c: predicted velocity (20) and shape matching (21, 23): fills packs position and velocity. */
+/* prediction.c: predicted velocity (20) and shape matching (21, 23): fills packs predicted. */
 void sphm_cpu_predict(sphm_backend *backend, double step_s, const sphm_drive *drive);
 /* integrate.c: leap-frog (8), fibre steering, attachments. Returns 0 when a value is not finite. */
 int sphm_cpu_integrate(sphm_backend *backend, double step_s);

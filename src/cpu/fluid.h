@@ -14,17 +14,20 @@
 extern "C" {
 #endif
 
-/* What sweeps read of the neighbours, in slot order, lengths in units of h. */
+/* What sweeps read of the neighbours, in slot order, lengths in units of h. The velocity sweep reads the one
+ * array and writes the other, so that the pressure of a block can follow while others are still at it. */
 typedef struct sphm_fluid_packs {
-    sphm_pack *position; /* x y z; density of the last step, then pressure */
-    sphm_pack *velocity; /* predicted and shape-matched velocity; unused */
-    sphm_pack *smoothed; /* velocity after XSPH; 1/density */
-    sphm_pack *rest;     /* rest position; fibre tension where fibres are parallel */
-    sphm_pack *tension;  /* fibre times the root of its tension; unused. NULL where fibres are parallel */
+    /* first: x y z, density of the last step; second: predicted and shape-matched velocity, unused */
+    sphm_twin *predicted;
+    /* moving.first: x y z, pressure; moving.second: velocity after XSPH, 1/density; third: rest position,
+     * fibre tension where fibres are parallel; fourth: fibre times the root of its tension, unused (read
+     * only where fibres are not parallel) */
+    sphm_quad *smoothed;
+    int oblique; /* fibres are not parallel */
 } sphm_fluid_packs;
 
-/* XSPH and density: reads packs position and velocity; writes density of the state and pack smoothed (but not
- * its w). */
+/* XSPH and density: reads packs predicted; writes density of the state and, of packs smoothed, the position
+ * and the velocity. */
 void sphm_fluid_sweep_velocity(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
                                sphm_fluid_packs *packs, sphm_state *state, double step_s, size_t begin,
                                size_t end);

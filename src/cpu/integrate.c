@@ -44,11 +44,11 @@ static int collect(sphm_backend *b) {
     return !nonfinite;
 }
 
-static void kick_block(sphm_state *s, const sphm_pack *w, sphm_real step, size_t begin, size_t end) {
+static void kick_block(sphm_state *s, const sphm_quad *packs, sphm_real step, size_t begin, size_t end) {
 #pragma omp simd
     for (size_t i = begin; i < end; ++i) {
-        const sphm_real vx = w[i].x + step * s->ax[i], vy = w[i].y + step * s->ay[i],
-                        vz = w[i].z + step * s->az[i];
+        const sphm_pack w = packs[i].moving.second;
+        const sphm_real vx = w.x + step * s->ax[i], vy = w.y + step * s->ay[i], vz = w.z + step * s->az[i];
         const int free = s->attachment[i] == SPHM_FREE;
         s->vx[i] = free ? vx : 0;
         s->vy[i] = free ? vy : 0;
@@ -111,16 +111,16 @@ static int finite3(sphm_real x, sphm_real y, sphm_real z) {
 /* What each stage wrote, in the order of the stages. */
 static const char *bad_stage(const sphm_backend *b, size_t i) {
     const sphm_state *s = &b->state;
-    const sphm_fluid_packs *p = &b->packs;
-    if (!finite3(p->position[i].x, p->position[i].y, p->position[i].z))
+    const sphm_twin *p = &b->packs.predicted[i], *after = &b->packs.smoothed[i].moving;
+    if (!finite3(p->first.x, p->first.y, p->first.z))
         return "0position";
-    if (!finite3(p->velocity[i].x, p->velocity[i].y, p->velocity[i].z))
+    if (!finite3(p->second.x, p->second.y, p->second.z))
         return "1prediction and shape matching";
-    if (!finite3(p->smoothed[i].x, p->smoothed[i].y, p->smoothed[i].z))
+    if (!finite3(after->second.x, after->second.y, after->second.z))
         return "2XSPH";
     if (!isfinite(s->density[i]))
         return "3density";
-    if (!isfinite(s->pressure[i]) || !isfinite(p->smoothed[i].w))
+    if (!isfinite(s->pressure[i]) || !isfinite(after->second.w))
         return "4pressure";
     if (!finite3(s->ax[i], s->ay[i], s->az[i]))
         return "5forces";

@@ -1,5 +1,5 @@
 /* Predicted velocity (20) under gravity and point forces, pulled towards the goal positions of shape matching
- * (21, 23). Reads position, velocity, rest position; writes packs position and velocity. */
+ * (21, 23). Reads position, velocity, rest position; writes packs predicted. */
 #include <string.h>
 
 #include "cpu/backend.h"
@@ -67,14 +67,11 @@ static void predict_block(sphm_backend *b, const goal *g, sphm_real pull_per_s, 
     const sphm_state *s = &b->state;
     const sphm_real inverse_h = (sphm_real)(1 / b->model->body.support_radius_m);
     for (size_t i = begin; i < end; ++i) {
-        sphm_pack *p = &b->packs.position[i], *v = &b->packs.velocity[i], *r = &b->packs.rest[i];
+        sphm_pack *p = &b->packs.predicted[i].first, *v = &b->packs.predicted[i].second;
         p->x = s->x[i] * inverse_h;
         p->y = s->y[i] * inverse_h;
         p->z = s->z[i] * inverse_h;
         p->w = s->density[i];
-        r->x = s->rest_x[i] * inverse_h;
-        r->y = s->rest_y[i] * inverse_h;
-        r->z = s->rest_z[i] * inverse_h;
 
         const sphm_real rest[3] = {s->rest_x[i], s->rest_y[i], s->rest_z[i]};
         const sphm_real moved[3] = {s->x[i] - rest[0], s->y[i] - rest[1], s->z[i] - rest[2]};
