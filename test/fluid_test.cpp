@@ -155,4 +155,30 @@ TEST(Fluid, CoincidingParticlesStayFinite) {
         ASSERT_TRUE(std::isfinite(t.ax[i]) && std::isfinite(t.ay[i]) && std::isfinite(t.az[i]));
 }
 
+// A collapsed muscle would need a million diffusion sub-steps in one step.
+TEST(Fluid, ParticlesThatNearlyCoincideStopTheDiffusion) {
+    Sweeps s(Muscle::Settings{}, false);
+    sphm_state &state = s.b->state;
+    const double at_rest = s.b->diffusion.stable_step_ms;
+    for (double size : {0.8, 1e-3}) {
+        for (size_t i = 0; i < state.count; ++i) {
+            state.x[i] = static_cast<sphm_real>(size) * state.rest_x[i];
+            state.y[i] = static_cast<sphm_real>(size) * state.rest_y[i];
+            state.z[i] = static_cast<sphm_real>(size) * state.rest_z[i];
+        }
+        s.b->rows_stale = 1;
+        sphm_drive none{};
+        sphm_context context{};
+        const sphm_status status = sphm_cpu_backend.step(s.b, 1, 1e-6, &none, &context);
+        if (size > 0.5) {
+            EXPECT_EQ(status, SPHM_OK) << context.message;
+            continue;
+        }
+        EXPECT_EQ(status, SPHM_FAILED_NONFINITE);
+        EXPECT_LT(s.b->diffusion.stable_step_ms, 0.01 * at_rest);
+        EXPECT_NE(std::string(context.message).find("ran away"), std::string::npos) << context.message;
+        EXPECT_NE(std::string(context.message).find("diffusion"), std::string::npos) << context.message;
+    }
+}
+
 } // namespace

@@ -14,6 +14,10 @@
  * last for tens of steps; each hundredth costs 3 % more pairs and memory. */
 #define SKIN 0.03
 
+/* A diffusion that needs shorter sub-steps than this share of those at rest is a state that ran away; the
+ * same share as for the speed in muscle.c. It also bounds what one step may take. */
+#define RUNAWAY_SHARE 0.01
+
 /* Memory and creation ------------------------------------------------------------------------------------ */
 
 static void destroy(sphm_backend *b) {
@@ -76,6 +80,7 @@ static void measure_rest_density(sphm_backend *b) {
         smallest = fmin(smallest, (double)s->density[i]);
     }
     b->rest_density_min = smallest;
+    b->rest_diffusion_ms = b->diffusion.stable_step_ms;
     b->timing.neighbours_per_particle =
         (double)sphm_neighbours_count_within(&b->rows, s->x, s->y, s->z, b->model->body.support_radius_m) /
         (double)s->count;
@@ -130,6 +135,17 @@ static void run_sweep(sphm_backend *b, sweep which, double step_s) {
     }
 }
 
+/* Particles that nearly coincide make weights, and with them the number of sub-steps, as large as one likes.
+ */
+static sphm_status refuse_clumps(const sphm_backend *b, sphm_context *context) {
+    if (b->diffusion.stable_step_ms >= RUNAWAY_SHARE * b->rest_diffusion_ms)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_FAILED_NONFINITE,
+                     "the state ran away at %.6g s: particles are so close to one another that the diffusion "
+                     "may take sub-steps of %.3g ms only instead of %.3g ms",
+                     b->state.time_s, b->diffusion.stable_step_ms, b->rest_diffusion_ms);
+}
+
 /* Everything up to the forces sees the same positions. */
 static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *drive, sphm_context *context) {
     sphm_timing *t = &b->timing;
@@ -140,6 +156,8 @@ static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *d
     if (status != SPHM_OK)
         return sphm_fail(context, SPHM_FAILED_BACKEND, "no memory for the neighbour rows at %g s",
                          b->state.time_s);
+    if (refuse_clumps(b, context) != SPHM_OK)
+        return SPHM_FAILED_NONFINITE;
     clock_lap(&lap, &t->neighbours_s);
     sphm_cpu_predict(b, step_s, drive);
     run_sweep(b, SWEEP_VELOCITY, step_s);

@@ -44,6 +44,7 @@ struct sphm_backend {
     sphm_rigid_motion motion;
     double speed_max_m_per_s;
     double rest_density_min, viscous_limit_s;
+    double rest_diffusion_ms; /* the diffusion's stable step on the rest shape */
     sphm_timing timing;
 };
 
