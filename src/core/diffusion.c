@@ -1,4 +1,6 @@
-/* Building the diffusion weights: corrections of all particles, then weights of all pairs. */
+/* Building the diffusion weights: corrections of all particles, then weights of all pairs. Rows are read as
+ * the sweeps read them (cpu/row.h): with loops over plain arrays, nine of which were gathered, the weights
+ * took four times as long. */
 #include "core/diffusion.h"
 #include "core/context.h"
 
@@ -6,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cpu/row.h"
 #include "kernels/diffusion.h"
 
 enum { BLOCK = 256 }; /* particles per unit of work */
@@ -17,7 +20,8 @@ typedef struct build {
     sphm_real inverse_h_per_m;
     sphm_real pair_factor; /* g^ = pair_factor * sphm_pair_...() */
     double along, across;  /* D^, 1/ms */
-    sphm_real *b[6];       /* corrections, 1/ms */
+    sphm_twin *twin;       /* first: x y z, unused; second: correction xx yy zz xy, 1/ms */
+    sphm_real *bxz, *byz;  /* the rest of it */
 } build;
 
 static sphm_status reserve(sphm_diffusion *d, size_t particles, size_t pairs, sphm_context *context) {
@@ -32,35 +36,38 @@ static sphm_status reserve(sphm_diffusion *d, size_t particles, size_t pairs, sp
         d->capacity = capacity;
     }
     if (particles > d->particles) {
-        free(d->correction);
+        free(d->scratch);
         d->particles = 0;
-        d->correction = malloc(6 * particles * sizeof *d->correction);
-        if (!d->correction)
+        const size_t rounded = (particles + SPHM_ROW_ALIGN - 1) / SPHM_ROW_ALIGN * SPHM_ROW_ALIGN;
+        d->scratch = aligned_alloc(64, SPHM_DIFFUSION_SCRATCH * rounded * sizeof *d->scratch);
+        if (!d->scratch)
             return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the corrections of %zu particles",
                              particles);
-        d->particles = particles;
+        d->particles = rounded;
     }
     return SPHM_OK;
 }
 
+/* sphm_pair_gradient() of 16 pairs. At distance 0 it is 0, because SPHM_TINY vanishes in 2 - q and 1 - q. */
+SPHM_INLINE sphm_lanes pair_gradient(sphm_lanes r, sphm_lanes inverse_r) {
+    const sphm_lanes outer = sphm_lanes_positive(2 - 2 * r), inner = sphm_lanes_positive(1 - 2 * r);
+    return (outer * outer - 4 * inner * inner) * (sphm_real)0.5 * inverse_r;
+}
+
 /* sum of g^ x^ x^ x^ x^/r^2 over the row of particle i. */
 static void fourth_moments(const build *w, size_t i, double moment[SPHM_MOMENT_COUNT]) {
-    const sphm_real *x = w->in->x, *y = w->in->y, *z = w->in->z;
+    const sphm_pack own = w->twin[i].first;
     const int32_t *slot = w->n->slot;
-    const sphm_real xi = x[i], yi = y[i], zi = z[i], inverse_h = w->inverse_h_per_m;
     const size_t end = w->n->row_start[i + 1];
-    sphm_real xxxx = 0, yyyy = 0, zzzz = 0, xxyy = 0, xxzz = 0, yyzz = 0, xxxy = 0, xxxz = 0, xxyz = 0,
-              xyyy = 0, xyyz = 0, xyzz = 0, xzzz = 0, yyyz = 0, yzzz = 0;
-#pragma omp simd reduction(+ : xxxx, yyyy, zzzz, xxyy, xxzz, yyzz, xxxy, xxxz, xxyz, xyyy, xyyz, xyzz, xzzz, yyyz, yzzz)
-    for (size_t k = w->n->row_start[i]; k < end; k++) {
-        const int32_t j = slot[k];
-        const sphm_real dx = (x[j] - xi) * inverse_h, dy = (y[j] - yi) * inverse_h,
-                        dz = (z[j] - zi) * inverse_h;
-        const sphm_real xx = dx * dx, yy = dy * dy, zz = dz * dz, xy = dx * dy, xz = dx * dz, yz = dy * dz;
-        const sphm_real r2 = xx + yy + zz;
-        const sphm_real inverse_r = 1 / sphm_square_root(r2 > 0 ? r2 : 1);
-        const sphm_real g = sphm_pair_gradient(r2 * inverse_r, inverse_r) * inverse_r * inverse_r;
-        const sphm_real gxx = g * xx, gyy = g * yy, gzz = g * zz;
+    sphm_lanes xxxx = {0}, yyyy = {0}, zzzz = {0}, xxyy = {0}, xxzz = {0}, yyzz = {0}, xxxy = {0}, xxxz = {0},
+               xxyz = {0}, xyyy = {0}, xyyz = {0}, xyzz = {0}, xzzz = {0}, yyyz = {0}, yzzz = {0};
+    for (size_t k = w->n->row_start[i]; k < end; k += SPHM_LANES) {
+        const sphm_row_packs p = sphm_row_read_first(w->twin, slot + k);
+        const sphm_lanes dx = p.x - own.x, dy = p.y - own.y, dz = p.z - own.z;
+        const sphm_lanes xx = dx * dx, yy = dy * dy, zz = dz * dz, xy = dx * dy, xz = dx * dz, yz = dy * dz;
+        const sphm_lanes r2 = xx + yy + zz + SPHM_TINY, inverse_r = sphm_lanes_inverse_sqrt(r2);
+        const sphm_lanes g = pair_gradient(r2 * inverse_r, inverse_r) * inverse_r * inverse_r;
+        const sphm_lanes gxx = g * xx, gyy = g * yy, gzz = g * zz;
         xxxx += gxx * xx;
         yyyy += gyy * yy;
         zzzz += gzz * zz;
@@ -77,8 +84,12 @@ static void fourth_moments(const build *w, size_t i, double moment[SPHM_MOMENT_C
         xzzz += gzz * xz;
         yzzz += gzz * yz;
     }
-    const sphm_real all[SPHM_MOMENT_COUNT] = {xxxx, yyyy, zzzz, xxyy, xxzz, yyzz, xxxy, xxxz,
-                                              xxyz, xyyy, xyyz, xyzz, xzzz, yyyz, yzzz};
+    /* In the order of the enumeration. */
+    const sphm_pack sums[4] = {
+        sphm_lanes_sums(xxxx, yyyy, zzzz, xxyy), sphm_lanes_sums(xxzz, yyzz, xxxy, xxxz),
+        sphm_lanes_sums(xxyz, xyyy, xyyz, xyzz), sphm_lanes_sums(xzzz, yyyz, yzzz, yzzz)};
+    sphm_real all[16];
+    memcpy(all, sums, sizeof all);
     for (int k = 0; k < SPHM_MOMENT_COUNT; k++)
         moment[k] = (double)all[k] * (double)w->pair_factor;
 }
@@ -90,6 +101,14 @@ static void tensor_of(const build *w, size_t i, double tensor[6]) {
     else
         sphm_diffusion_tensor(w->along, w->across, (double)w->in->fibre_x[i], (double)w->in->fibre_y[i],
                               (double)w->in->fibre_z[i], tensor);
+}
+
+static void place(const build *w, size_t i) {
+    sphm_pack *p = &w->twin[i].first;
+    p->x = w->in->x[i] * w->inverse_h_per_m;
+    p->y = w->in->y[i] * w->inverse_h_per_m;
+    p->z = w->in->z[i] * w->inverse_h_per_m;
+    p->w = 0;
 }
 
 /* Returns 1 where the six equations were singular. */
@@ -104,35 +123,38 @@ static size_t correct(const build *w, size_t i) {
     } else {
         sphm_diffusion_bulk_form(tensor, 1, b);
     }
-    for (int k = 0; k < 6; k++)
-        w->b[k][i] = b[k];
+    w->twin[i].second.x = b[0];
+    w->twin[i].second.y = b[1];
+    w->twin[i].second.z = b[2];
+    w->twin[i].second.w = b[3];
+    w->bxz[i] = b[4];
+    w->byz[i] = b[5];
     return regular ? 0 : 1;
 }
 
 /* Weights of the row of particle i. Every operation is symmetric in i and j, so that w_ij and w_ji are the
  * same to the bit: differences only change sign, and sums of two commute. `bare` is a constant where this is
  * inlined. */
-SPHM_FN void weigh_row(const build *w, size_t i, int bare, sphm_real *weight) {
-    const sphm_real *x = w->in->x, *y = w->in->y, *z = w->in->z;
-    const sphm_real *bxx = w->b[0], *byy = w->b[1], *bzz = w->b[2], *bxy = w->b[3], *bxz = w->b[4],
-                    *byz = w->b[5];
-    const int32_t *slot = w->n->slot;
-    const sphm_real xi = x[i], yi = y[i], zi = z[i], inverse_h = w->inverse_h_per_m;
-    const sphm_real bxxi = bxx[i], byyi = byy[i], bzzi = bzz[i], bxyi = bxy[i], bxzi = bxz[i], byzi = byz[i];
+SPHM_INLINE void weigh_row(const build *w, size_t i, const int bare, sphm_real *weight) {
+    const sphm_pack own = w->twin[i].first, b = w->twin[i].second;
+    const sphm_real bxz = w->bxz[i], byz = w->byz[i];
     const sphm_real half_factor = w->pair_factor * (sphm_real)0.5;
+    const int32_t *slot = w->n->slot;
     const size_t end = w->n->row_start[i + 1];
-#pragma omp simd
-    for (size_t k = w->n->row_start[i]; k < end; k++) {
-        const int32_t j = slot[k];
-        const sphm_real dx = (x[j] - xi) * inverse_h, dy = (y[j] - yi) * inverse_h,
-                        dz = (z[j] - zi) * inverse_h;
-        const sphm_real r2 = dx * dx + dy * dy + dz * dz;
-        const sphm_real inverse_r = 1 / sphm_square_root(r2 > 0 ? r2 : 1);
-        const sphm_real r = r2 * inverse_r;
-        const sphm_real g = bare ? sphm_pair_second_derivative(r) : sphm_pair_gradient(r, inverse_r);
-        weight[k] = half_factor * g * inverse_r * inverse_r *
-                    sphm_quadratic_form(bxxi + bxx[j], byyi + byy[j], bzzi + bzz[j], bxyi + bxy[j],
-                                        bxzi + bxz[j], byzi + byz[j], dx, dy, dz);
+    for (size_t k = w->n->row_start[i]; k < end; k += SPHM_LANES) {
+        const sphm_row_twins other = sphm_row_read_twins(w->twin, slot + k);
+        const sphm_lanes dx = other.first.x - own.x, dy = other.first.y - own.y, dz = other.first.z - own.z;
+        const sphm_lanes r2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
+        const sphm_lanes inverse_r = sphm_lanes_inverse_sqrt(r2), r = r2 * inverse_r;
+        const sphm_lanes g = bare ? sphm_lanes_positive(2 - 2 * r) - 4 * sphm_lanes_positive(1 - 2 * r)
+                                  : pair_gradient(r, inverse_r);
+        const sphm_lanes cross_z =
+            (bxz + sphm_row_gather(w->bxz, slot + k)) * dx + (byz + sphm_row_gather(w->byz, slot + k)) * dy;
+        const sphm_lanes form = (b.x + other.second.x) * (dx * dx) + (b.y + other.second.y) * (dy * dy) +
+                                (b.z + other.second.z) * (dz * dz) +
+                                2 * ((b.w + other.second.w) * (dx * dy) + cross_z * dz);
+        const sphm_lanes value = half_factor * g * inverse_r * inverse_r * form;
+        memcpy(weight + k, &value, sizeof value);
     }
 }
 
@@ -167,8 +189,9 @@ static build prepare(const sphm_diffusion *d, const sphm_neighbours *n, const sp
     w.pair_factor = SPHM_PAIR_FACTOR * (sphm_real)(in->particle_volume_m3 / (h * h * h));
     w.along = in->diffusion_mm2_per_ms / (h_mm * h_mm);
     w.across = w.along / in->anisotropy_ratio;
-    for (int k = 0; k < 6; k++)
-        w.b[k] = d->correction + (size_t)k * n->count;
+    w.twin = (sphm_twin *)d->scratch;
+    w.bxz = d->scratch + 8 * d->particles;
+    w.byz = d->scratch + 9 * d->particles;
     return w;
 }
 
@@ -186,6 +209,10 @@ sphm_status sphm_diffusion_build(sphm_diffusion *d, const sphm_neighbours *n, co
 #endif
 #pragma omp parallel num_threads(threads)
     {
+#pragma omp for schedule(static)
+        for (size_t b = 0; b < blocks; b++)
+            for (size_t i = b * BLOCK; i < (b + 1) * BLOCK && i < n->count; i++)
+                place(&w, i);
 #pragma omp for schedule(static) reduction(+ : fallbacks)
         for (size_t b = 0; b < blocks; b++)
             for (size_t i = b * BLOCK; i < (b + 1) * BLOCK && i < n->count; i++)
@@ -205,6 +232,6 @@ sphm_status sphm_diffusion_build(sphm_diffusion *d, const sphm_neighbours *n, co
 
 void sphm_diffusion_free(sphm_diffusion *d) {
     free(d->weight);
-    free(d->correction);
+    free(d->scratch);
     memset(d, 0, sizeof *d);
 }

@@ -23,11 +23,14 @@ typedef struct sphm_diffusion_input {
     const sphm_real *fibre_x, *fibre_y, *fibre_z; /* unit vectors; read only where the ratio is not 1 */
 } sphm_diffusion_input;
 
+/* Values a particle in the scratch array. */
+#define SPHM_DIFFUSION_SCRATCH 10
+
 typedef struct sphm_diffusion {
     sphm_real *weight;     /* parallel to neighbours->slot, 1/ms; symmetric to the bit; 0 in the padding */
     size_t capacity;       /* of weight */
-    sphm_real *correction; /* [6 * particles], scratch of the build, 1/ms */
-    size_t particles;      /* capacity of correction, in particles */
+    sphm_real *scratch;    /* [SPHM_DIFFUSION_SCRATCH * particles], of the build */
+    size_t particles;      /* capacity of scratch, in particles */
     double stable_step_ms; /* forward Euler is stable up to here (infinite without neighbours) */
     size_t fallbacks;      /* particles where the six equations were singular and the scalar form stands in */
     size_t negative;       /* pairs with a negative weight (counted from both sides) */

@@ -241,7 +241,7 @@ static size_t memory_bytes(const sphm_backend *b) {
            (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t) +
            b->rows.capacity * sizeof(int32_t) + (b->rows.count + 1) * sizeof(size_t) +
            b->rows.count * sizeof(int32_t) + b->diffusion.capacity * sizeof(sphm_real) +
-           6 * b->diffusion.particles * sizeof(double);
+           SPHM_DIFFUSION_SCRATCH * b->diffusion.particles * sizeof(sphm_real);
 }
 
 static sphm_timing timing(const sphm_backend *b) {

@@ -2,6 +2,9 @@
  * blocks in parallel; each row depends on nothing but the grid, so rows are the same for any thread count. */
 #include "cpu/neighbours.h"
 
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -33,6 +36,45 @@ static int cell_of(const search *s, int d, size_t slot) {
     return clamp_cell(grid, d, (int)(((double)s->position[d][slot] - grid->lower[d]) / grid->edge));
 }
 
+#if defined(__AVX512F__) && !defined(SPH_MUSCLE_DOUBLE)
+
+/* Which of the slots begin ... begin + 15, but before end, are within the radius, the particle itself too. */
+static inline __mmask16 near_sixteen(const search *s, __m512 xi, __m512 yi, __m512 zi, int32_t begin,
+                                     int32_t end) {
+    const __mmask16 some = end - begin < 16 ? (__mmask16)((1u << (end - begin)) - 1) : (__mmask16)0xffff;
+    const __m512 dx = _mm512_sub_ps(xi, _mm512_maskz_loadu_ps(some, s->x + begin));
+    const __m512 dy = _mm512_sub_ps(yi, _mm512_maskz_loadu_ps(some, s->y + begin));
+    const __m512 dz = _mm512_sub_ps(zi, _mm512_maskz_loadu_ps(some, s->z + begin));
+    const __m512 r2 = _mm512_fmadd_ps(dx, dx, _mm512_fmadd_ps(dy, dy, _mm512_mul_ps(dz, dz)));
+    return _mm512_mask_cmp_ps_mask(some, r2, _mm512_set1_ps(s->radius_squared), _CMP_LE_OQ);
+}
+
+/* Appends to `row` the slots begin ... end - 1 within the radius. */
+static int32_t *append_run(const search *s, size_t slot, int32_t begin, int32_t end, int32_t *row) {
+    const __m512 xi = _mm512_set1_ps(s->x[slot]), yi = _mm512_set1_ps(s->y[slot]),
+                 zi = _mm512_set1_ps(s->z[slot]);
+    const __m512i ascending = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m512i own = _mm512_set1_epi32((int32_t)slot);
+    for (int32_t j = begin; j < end; j += 16) {
+        const __m512i slots = _mm512_add_epi32(_mm512_set1_epi32(j), ascending);
+        const __mmask16 near = _mm512_mask_cmpneq_epi32_mask(near_sixteen(s, xi, yi, zi, j, end), slots, own);
+        _mm512_mask_compressstoreu_epi32(row, near, slots);
+        row += __builtin_popcount(near);
+    }
+    return row;
+}
+
+static int32_t count_run(const search *s, size_t slot, int32_t begin, int32_t end) {
+    const __m512 xi = _mm512_set1_ps(s->x[slot]), yi = _mm512_set1_ps(s->y[slot]),
+                 zi = _mm512_set1_ps(s->z[slot]);
+    int32_t count = 0;
+    for (int32_t j = begin; j < end; j += 16)
+        count += __builtin_popcount(near_sixteen(s, xi, yi, zi, j, end));
+    return count;
+}
+
+#else
+
 /* Appends to `row` the slots begin ... end - 1 within the radius, without branches: the write position moves
  * on only past slots that count. */
 static int32_t *append_run(const search *s, size_t slot, int32_t begin, int32_t end, int32_t *row) {
@@ -55,6 +97,8 @@ static int32_t count_run(const search *s, size_t slot, int32_t begin, int32_t en
     }
     return count;
 }
+
+#endif
 
 /* Visits the runs of slots around a particle in ascending order; cells of a line along the fast axis are one
  * run. With row == NULL counts, itself included; else appends and returns how many. */

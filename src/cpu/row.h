@@ -127,6 +127,20 @@ SPHM_INLINE sphm_row_twins sphm_row_read_twins(const sphm_twin *twins, const int
     return sphm_row_of_twins(low, high);
 }
 
+/* The first packs only. */
+SPHM_INLINE sphm_row_packs sphm_row_read_first(const sphm_twin *twins, const int32_t *slot) {
+    __m512 v[4];
+    for (int k = 0; k < 4; ++k)
+        v[k] = sphm_load_packs(&twins[slot[k]].first, &twins[slot[k + 4]].first, &twins[slot[k + 8]].first,
+                               &twins[slot[k + 12]].first);
+    return sphm_row_of(v);
+}
+
+/* One array's values. */
+SPHM_INLINE sphm_lanes sphm_row_gather(const sphm_real *values, const int32_t *slot) {
+    return (sphm_lanes)_mm512_i32gather_ps(_mm512_loadu_si512(slot), values, 4);
+}
+
 /* The moving twin and the third pack. */
 SPHM_INLINE void sphm_row_read_quads(const sphm_quad *quads, const int32_t *slot, sphm_row_twins *moving,
                                      sphm_row_packs *third) {
@@ -182,6 +196,20 @@ SPHM_INLINE sphm_row_twins sphm_row_read_twins(const sphm_twin *twins, const int
         sphm_row_set(&r.first, k, &twins[slot[k]].first);
         sphm_row_set(&r.second, k, &twins[slot[k]].second);
     }
+    return r;
+}
+
+SPHM_INLINE sphm_row_packs sphm_row_read_first(const sphm_twin *twins, const int32_t *slot) {
+    sphm_row_packs r;
+    for (int k = 0; k < SPHM_LANES; ++k)
+        sphm_row_set(&r, k, &twins[slot[k]].first);
+    return r;
+}
+
+SPHM_INLINE sphm_lanes sphm_row_gather(const sphm_real *values, const int32_t *slot) {
+    sphm_lanes r;
+    for (int k = 0; k < SPHM_LANES; ++k)
+        r[k] = values[slot[k]];
     return r;
 }
 

@@ -453,7 +453,7 @@ static size_t memory_bytes(const solid_backend *b) {
     return sizeof *b + sphm_state_bytes(n) +
            sphm_solid_lines_bytes(&b->lines) + 6 * n * sizeof(sphm_real) + 4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
            (n + 1) * sizeof(size_t) + b->diffusion.capacity * sizeof(sphm_real) +
-           6 * b->diffusion.particles * sizeof *b->diffusion.correction +
+           SPHM_DIFFUSION_SCRATCH * b->diffusion.particles * sizeof *b->diffusion.scratch +
            (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t);
 }
 
