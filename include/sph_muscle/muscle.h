@@ -68,8 +68,16 @@ sphm_status sphm_muscle_release_activation(sphm_muscle *muscle, sphm_context *co
 
 enum { SPHM_END_ORIGIN, SPHM_END_INSERTION, SPHM_END_COUNT };
 
+/* What an end does. Its attached particles move as one rigid block whatever it is:
+ * held      follows its pose, and holds the last one; through its tendon, if it has one
+ * loaded    is pulled by a constant force at its end of the line of action, and moves and turns freely
+ * free      the same without a load
+ * sliding   moves along the rest line of action only, does not turn, and is pulled by a load along it */
+enum { SPHM_END_HELD, SPHM_END_LOADED, SPHM_END_FREE, SPHM_END_SLIDING };
+
 /* Where an end's frame is, in the muscle's frame. At rest its origin is that end of the line of action
- * (sphm_body: origin_m, insertion_m) and its axes are the muscle's. */
+ * (sphm_body: origin_m, insertion_m), or of the tendon there, drawn out to its slack length, and its axes are
+ * the muscle's. */
 typedef struct sphm_end_pose {
     double position_m[3];
     double orientation[4];                                     /* unit quaternion x, y, z, w */
@@ -77,17 +85,35 @@ typedef struct sphm_end_pose {
 } sphm_end_pose;
 
 /* Moves an end from where it is to `pose` within duration_s, with continuous velocity. When no further pose
- * arrives it comes to rest there and holds. Refuses what is not finite, an unknown end, and a pose farther
- * from the present one than max_pose_jump of the muscle's length. */
+ * arrives it comes to rest there and holds. An end that was loaded, free or sliding is held from now on.
+ * Refuses what is not finite, an unknown end, and a pose farther from the present one than max_pose_jump of
+ * the muscle's length. */
 sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
                                      double duration_s, sphm_context *context);
+/* Lets an end carry a load: force_N on the end, in the muscle's frame, until replaced. Inertia: the block's
+ * own mass (mass_scaling included); no damping but the tissue's. A tendon only adds its length, for it has no
+ * mass. Refuses what is not finite and an end without attached particles. */
+sphm_status sphm_muscle_set_end_load(sphm_muscle *muscle, int end, const double force_N[3],
+                                     sphm_context *context);
+/* Lets an end slide along the rest line of action, from where it is and without turning any more; force_N
+ * pulls it away from the belly, below 0 towards it. Motion across the line, and spin, stop at once. */
+sphm_status sphm_muscle_slide_end(sphm_muscle *muscle, int end, double force_N, sphm_context *context);
+/* Lets go of an end. It keeps its velocity, and may be held (sphm_muscle_set_end_pose, from where it then is)
+ * or loaded again. */
+sphm_status sphm_muscle_release_end(sphm_muscle *muscle, int end, sphm_context *context);
+/* SPHM_END_HELD, ... and, where `load_N` is not NULL, the load of a loaded or sliding end, else 0. -1 for an
+ * unknown end and for the fluid. */
+int sphm_muscle_end_condition(const sphm_muscle *muscle, int end, double load_N[3]);
+/* The end's frame now. Beyond the tendon of an end that is not held, where its bone would be. */
 sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_pose *pose,
                                  sphm_context *context);
 
-/* What the muscle does to the bone at an end: the sum of the tissue's internal forces on the attached
- * particles, without their inertia. Moments are about the present origin of the end's frame; both in the
- * muscle's frame. A muscle that pulls has force[insertion] pointing towards the origin. The parts add up:
- * active: the fibres' active stress; damping: viscosity; passive: everything else. */
+/* What the muscle does to the bone, or load, at an end: the sum of the tissue's internal forces on the
+ * attached particles, without their inertia. Moments are about the present origin of the end's frame; both in
+ * the muscle's frame. A muscle that pulls has force[insertion] pointing towards the origin. The parts add up:
+ * active: the fibres' active stress; damping: viscosity; passive: everything else. A held end with a tendon:
+ * force is the tendon's, the moment about its bone 0, and the parts are the tissue's, which add up to force
+ * but for the inertia of the attached block. */
 typedef struct sphm_wrench {
     double force_N[3], moment_Nm[3];
     double active_N[3], passive_N[3], damping_N[3];
@@ -138,7 +164,13 @@ typedef struct sphm_observation {
     double bulge;        /* mean radius of the centre region over its rest value, minus 1 */
     double volume_ratio; /* sum of m/rho over its rest value */
     double kinetic_energy_J, speed_max_m_per_s;
-    uint64_t nonfinite; /* particles with a non-finite value; 0 in a healthy state */
+    /* tissue: solid; 0 in the fluid. Force of the wrench at the insertion along the line from there to the
+     * origin's frame, positive in tension, and its parts. */
+    double force_N, force_active_N, force_passive_N, force_damping_N;
+    double attachment_distance_m;   /* between the frames of the two ends: with tendons, from bone to bone */
+    double normalised_fibre_length; /* mean stretch of the fibres that are not attached, over
+                                       optimal_fibre_stretch */
+    uint64_t nonfinite;             /* particles with a non-finite value; 0 in a healthy state */
 } sphm_observation;
 sphm_status sphm_muscle_observe(sphm_muscle *muscle, sphm_observation *observation, sphm_context *context);
 

@@ -30,9 +30,9 @@ typedef struct sphm_backend_ops {
     sphm_timing (*timing)(const sphm_backend *backend);
     void (*reset_timing)(sphm_backend *backend);
     const char *(*device)(const sphm_backend *backend);
-    /* Wrench at an end (SPHM_END_...) that moves as `motion`, in the present state. NULL where the tissue has
+    /* Wrench at an end (SPHM_END_...) that is driven so, in the present state. NULL where the tissue has
      * none. */
-    void (*wrench)(sphm_backend *backend, const sphm_end_motion *motion, int end, sphm_wrench *wrench);
+    void (*wrench)(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *wrench);
 } sphm_backend_ops;
 
 /* The back ends that were built. src/core/choose_backend.h picks one. */

@@ -10,59 +10,25 @@
 /* Rotations ------------------------------------------------------------------------------------------------
  */
 
-static void multiply_matrices(const double a[9], const double b[9], double out[9]) {
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
-}
-
-static void cross(const double a[3], const double b[3], double out[3]) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-/* v + first r x v + second r x (r x v) */
-static void twist(const double r[3], double first, double second, const double v[3], double out[3]) {
-    double once[3], twice[3];
-    cross(r, v, once);
-    cross(r, once, twice);
-    for (int d = 0; d < 3; ++d)
-        out[d] = v[d] + first * once[d] + second * twice[d];
-}
-
-/* Rodrigues: the rotation by |r| about r. */
-static void rotation_of(const double r[3], double out[9]) {
-    const double angle = sqrt(sphm_dot3(r, r));
-    const double first = angle > 1e-8 ? sin(angle) / angle : 1;
-    const double half = angle > 1e-8 ? sin(angle / 2) / (angle / 2) : 1, second = half * half / 2;
-    for (int j = 0; j < 3; ++j) {
-        double unit[3] = {j == 0, j == 1, j == 2}, column[3];
-        twist(r, first, second, unit, column);
-        for (int i = 0; i < 3; ++i)
-            out[3 * i + j] = column[i];
-    }
-}
-
 /* Angular velocity of a rotation vector r that changes at r_rate: J(r) r_rate with the left Jacobian. */
 static void angular_velocity(const double r[3], const double r_rate[3], double out[3]) {
     const double angle = sqrt(sphm_dot3(r, r)), half = angle / 2;
     if (angle < 1e-4) {
-        twist(r, 0.5, 1.0 / 6, r_rate, out);
+        sphm_twist3(r, 0.5, 1.0 / 6, r_rate, out);
         return;
     }
     const double sinc = sin(half) / half;
-    twist(r, sinc * sinc / 2, (angle - sin(angle)) / (angle * angle * angle), r_rate, out);
+    sphm_twist3(r, sinc * sinc / 2, (angle - sin(angle)) / (angle * angle * angle), r_rate, out);
 }
 
 /* The inverse: the rate of r that goes with an angular velocity. */
 static void rotation_rate(const double r[3], const double spin[3], double out[3]) {
     const double angle = sqrt(sphm_dot3(r, r));
     if (angle < 1e-4) {
-        twist(r, -0.5, 1.0 / 12, spin, out);
+        sphm_twist3(r, -0.5, 1.0 / 12, spin, out);
         return;
     }
-    twist(r, -0.5, 1 / (angle * angle) - 1 / (2 * angle * tan(angle / 2)), spin, out);
+    sphm_twist3(r, -0.5, 1 / (angle * angle) - 1 / (2 * angle * tan(angle / 2)), spin, out);
 }
 
 /* Rotation vector of a unit quaternion x, y, z, w. */
@@ -76,7 +42,7 @@ static void rotation_vector(const double q[4], double out[3]) {
 static void matrix_of_quaternion(const double q[4], double out[9]) {
     double r[3];
     rotation_vector(q, r);
-    rotation_of(r, out);
+    sphm_rotation_of(r, out);
 }
 
 /* Rotation vector of to from^T. */
@@ -118,8 +84,8 @@ void sphm_end_motion_rest(sphm_end_motion *motion, const double rest_m[3]) {
 static sphm_end_motion braking(const sphm_end_motion *motion) {
     sphm_end_motion b = *motion;
     double turned[9];
-    rotation_of(motion->turn_rad, turned);
-    multiply_matrices(turned, motion->from_rotation, b.from_rotation);
+    sphm_rotation_of(motion->turn_rad, turned);
+    sphm_multiply33(turned, motion->from_rotation, b.from_rotation);
     angular_velocity(motion->turn_rad, motion->to_rate, b.from_rate);
     b.start_s = motion->start_s + motion->duration_s;
     for (int d = 0; d < 3; ++d) {
@@ -138,8 +104,8 @@ static void segment_at(const sphm_end_motion *motion, double s, sphm_end_state *
         hermite(s, motion->duration_s, 0, motion->from_rate[d], motion->turn_rad[d], motion->to_rate[d],
                 &r[d], &r_rate[d]);
     }
-    rotation_of(r, turned);
-    multiply_matrices(turned, motion->from_rotation, state->rotation);
+    sphm_rotation_of(r, turned);
+    sphm_multiply33(turned, motion->from_rotation, state->rotation);
     angular_velocity(r, r_rate, state->angular_velocity_rad_per_s);
 }
 
@@ -184,18 +150,17 @@ static sphm_status check(const sphm_end_pose *pose, double duration_s, sphm_cont
     return SPHM_OK;
 }
 
-sphm_status sphm_end_motion_set(sphm_end_motion *motion, double now_s, const sphm_end_pose *pose,
-                                double duration_s, double jump_m, sphm_context *context) {
+sphm_status sphm_end_motion_set_from(sphm_end_motion *motion, double now_s, const sphm_end_state *now,
+                                     const sphm_end_pose *pose, double duration_s, double jump_m,
+                                     sphm_context *context) {
     const sphm_status status = check(pose, duration_s, context);
     if (status != SPHM_OK)
         return status;
-    sphm_end_state now;
-    sphm_end_motion_at(motion, now_s, &now);
     double target[9], turn[3], step[3];
     matrix_of_quaternion(pose->orientation, target);
-    turn_between(now.rotation, target, turn);
+    turn_between(now->rotation, target, turn);
     for (int d = 0; d < 3; ++d)
-        step[d] = pose->position_m[d] - now.position_m[d];
+        step[d] = pose->position_m[d] - now->position_m[d];
     const double distance = sqrt(sphm_dot3(step, step)), angle = sqrt(sphm_dot3(turn, turn));
     if (distance > jump_m || angle > 3)
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
@@ -203,13 +168,20 @@ sphm_status sphm_end_motion_set(sphm_end_motion *motion, double now_s, const sph
                          angle, jump_m);
     motion->start_s = now_s;
     motion->duration_s = duration_s;
-    memcpy(motion->from_rotation, now.rotation, sizeof now.rotation);
-    memcpy(motion->from_m, now.position_m, sizeof now.position_m);
-    memcpy(motion->from_m_per_s, now.velocity_m_per_s, sizeof now.velocity_m_per_s);
-    memcpy(motion->from_rate, now.angular_velocity_rad_per_s, sizeof now.angular_velocity_rad_per_s);
+    memcpy(motion->from_rotation, now->rotation, sizeof now->rotation);
+    memcpy(motion->from_m, now->position_m, sizeof now->position_m);
+    memcpy(motion->from_m_per_s, now->velocity_m_per_s, sizeof now->velocity_m_per_s);
+    memcpy(motion->from_rate, now->angular_velocity_rad_per_s, sizeof now->angular_velocity_rad_per_s);
     memcpy(motion->to_m, pose->position_m, sizeof motion->to_m);
     memcpy(motion->to_m_per_s, pose->velocity_m_per_s, sizeof motion->to_m_per_s);
     memcpy(motion->turn_rad, turn, sizeof turn);
     rotation_rate(turn, pose->angular_velocity_rad_per_s, motion->to_rate);
     return SPHM_OK;
+}
+
+sphm_status sphm_end_motion_set(sphm_end_motion *motion, double now_s, const sphm_end_pose *pose,
+                                double duration_s, double jump_m, sphm_context *context) {
+    sphm_end_state now;
+    sphm_end_motion_at(motion, now_s, &now);
+    return sphm_end_motion_set_from(motion, now_s, &now, pose, duration_s, jump_m, context);
 }

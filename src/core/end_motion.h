@@ -34,6 +34,10 @@ void sphm_end_motion_at(const sphm_end_motion *motion, double time_s, sphm_end_s
  * then. */
 sphm_status sphm_end_motion_set(sphm_end_motion *motion, double now_s, const sphm_end_pose *pose,
                                 double duration_s, double jump_m, sphm_context *context);
+/* The same from any present state, which the end had instead of that of `motion`. */
+sphm_status sphm_end_motion_set_from(sphm_end_motion *motion, double now_s, const sphm_end_state *now,
+                                     const sphm_end_pose *pose, double duration_s, double jump_m,
+                                     sphm_context *context);
 
 #ifdef __cplusplus
 }

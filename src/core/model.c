@@ -6,6 +6,7 @@
 
 #include "core/context.h"
 #include "core/electrodes.h"
+#include "core/end_blocks.h"
 #include "core/membrane_constants.h"
 #include "core/solid_constants.h"
 
@@ -75,6 +76,8 @@ static sphm_status fill_model(sphm_model *model, const sphm_surface *mesh, sphm_
     model->membrane = sphm_membrane_constants_from(parameters, model->body.spacing_m);
     model->fluid = fluid_constants(model);
     model->solid = sphm_solid_constants_from(parameters);
+    for (int end = 0; end < 2; ++end)
+        model->ends[end] = sphm_end_block_from(parameters, &model->body, end, model->particle_mass_kg);
     return SPHM_OK;
 }
 
@@ -93,6 +96,8 @@ sphm_status sphm_model_create(sphm_model *model, const sphm_parameters *paramete
 
 void sphm_model_rest_state(const sphm_model *model, sphm_state *s) {
     const sphm_body *body = &model->body;
+    for (int end = 0; end < 2; ++end)
+        sphm_end_body_rest(&s->ends[end]);
     for (size_t i = 0; i < s->count; ++i) {
         s->rest_x[i] = s->x[i] = s->listed_x[i] = (sphm_real)(body->positions[3 * i] - model->frame_m[0]);
         s->rest_y[i] = s->y[i] = s->listed_y[i] = (sphm_real)(body->positions[3 * i + 1] - model->frame_m[1]);

@@ -21,6 +21,7 @@ typedef struct sphm_model {
     sphm_membrane_constants membrane;            /* kernels/membrane.h */
     sphm_fluid_constants fluid;                  /* kernels/fluid.h */
     sphm_solid_constants solid;                  /* kernels/solid.h */
+    sphm_end_block ends[2];                      /* kernels/end_block.h: origin, insertion */
 } sphm_model;
 
 /* Checks the parameters, builds the body from `mesh` (NULL: the preset) and derives the constants. On a

@@ -23,7 +23,7 @@ typedef struct sphm_timed_force {
 typedef struct sphm_solid_commands {
     double activation;       /* NaN: none, the membrane commands */
     double activation_end_s; /* infinite: until replaced */
-    sphm_end_motion ends[SPHM_END_COUNT];
+    sphm_end_drive ends[SPHM_END_COUNT];
 } sphm_solid_commands;
 
 struct sphm_muscle {

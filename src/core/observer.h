@@ -90,6 +90,8 @@ sphm_status sphm_observer_particles(sphm_observer *observer, const sphm_state *s
                                     sphm_particles *particles, sphm_context *context);
 sphm_status sphm_observer_observe(sphm_observer *observer, const sphm_state *state,
                                   sphm_observation *observation, sphm_context *context);
+/* Mean fibre stretch of what is not attached over optimal_fibre_stretch, as of the last look. */
+sphm_status sphm_observer_fibre_length(sphm_observer *observer, double *length, sphm_context *context);
 sphm_status sphm_observer_skin(sphm_observer *observer, const sphm_state *state, int field, sphm_skin *skin,
                                sphm_context *context);
 

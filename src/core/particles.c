@@ -68,6 +68,23 @@ static void gather(const sphm_observer *observer, const sphm_state *state, size_
     f[15 * n + i] = (float)state->activation[s];
 }
 
+sphm_status sphm_observer_fibre_length(sphm_observer *observer, double *length, sphm_context *context) {
+    const sphm_status status = prepare(observer, context);
+    if (status != SPHM_OK)
+        return status;
+    float *stretch = observer->fields + 16 * observer->count;
+    double sum = 0, count = 0;
+    sphm_fibre_stretch(&observer->fibre, observer->present_m, observer->threads, stretch);
+    for (size_t i = 0; i < observer->count; ++i) {
+        if (observer->model->body.attachment[i] != SPHM_FREE)
+            continue;
+        sum += (double)stretch[i];
+        ++count;
+    }
+    *length = count > 0 ? sum / count / observer->model->parameters.optimal_fibre_stretch : 0;
+    return SPHM_OK;
+}
+
 sphm_status sphm_observer_particles(sphm_observer *observer, const sphm_state *state,
                                     sphm_particles *particles, sphm_context *context) {
     const sphm_status status = prepare(observer, context);

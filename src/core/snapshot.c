@@ -4,9 +4,9 @@
  *   u32       version
  *   model     what the muscle must share: precision, particle count, rest shape, constants, parameters by
  * name
- *   state     time, steps, diffusion due, every STATE array of state_arrays.inc: name, type, values by id
- *   drive     electrodes' commands, schedule, external forces, commands of the solid tissue
- *   u64       FNV-1a of everything before
+ *   state     time, steps, diffusion due, the two ends, every STATE array of state_arrays.inc: name, type,
+ * values by id drive     electrodes' commands, schedule, external forces, commands of the solid tissue u64
+ * FNV-1a of everything before
  *
  * Everything little-endian, texts with their length. Slots are not kept: a back end's slot order is a
  * function of the listed_* positions, which are STATE. Loading parses the whole file into objects of its own
@@ -21,7 +21,8 @@
 #include "core/muscle.h"
 
 static const char MAGIC[8] = {'S', 'P', 'H', 'M', 'S', 'N', 'A', 'P'};
-enum { VERSION = 2, ENTRY_BYTES = 4 + 5 * 8 + 8 };
+enum { VERSION = 3, ENTRY_BYTES = 4 + 5 * 8 + 8 };
+enum { END_NUMBERS = SPHM_END_COUNT * (sizeof(sphm_end_body) / sizeof(double)) };
 enum { SOLID_NUMBERS = sizeof(sphm_solid_commands) / sizeof(double) };
 
 /* Arrays ------------------------------------------------------------------------------------------------- */
@@ -74,6 +75,7 @@ uint64_t sphm_state_hash(const sphm_state *state) {
         return 0;
     uint64_t hash = sphm_hash_numbers(SPHM_HASH_START, &state->time_s, 1, sizeof state->time_s);
     hash = sphm_hash_numbers(hash, &state->diffusion_due_s, 1, sizeof state->diffusion_due_s);
+    hash = sphm_hash_numbers(hash, state->ends, END_NUMBERS, sizeof(double));
     for (int a = 0; a < ARRAY_COUNT; ++a) {
         const unsigned char *array = array_of(state, &ARRAYS[a]);
         for (size_t i = 0; ARRAYS[a].role == ROLE_STATE && i < state->count; ++i)
@@ -212,6 +214,8 @@ static void write_state(sphm_writer *writer, const sphm_state *state, const int3
     sphm_write_double(writer, state->time_s);
     sphm_write_u64(writer, state->steps);
     sphm_write_double(writer, state->diffusion_due_s);
+    for (size_t k = 0; k < END_NUMBERS; ++k)
+        sphm_write_number(writer, (const unsigned char *)state->ends + k * sizeof(double), sizeof(double));
     sphm_write_u32(writer, count);
     for (int a = 0; a < ARRAY_COUNT; ++a) {
         const unsigned char *array = array_of(state, &ARRAYS[a]);
@@ -256,6 +260,12 @@ static sphm_status read_state(sphm_reader *reader, sphm_state *state, const char
     state->time_s = sphm_read_double(reader);
     state->steps = sphm_read_u64(reader);
     state->diffusion_due_s = sphm_read_double(reader);
+    for (size_t k = 0; k < END_NUMBERS; ++k) {
+        const double number = sphm_read_double(reader);
+        memcpy((unsigned char *)state->ends + k * sizeof number, &number, sizeof number);
+        if (!isfinite(number))
+            reader->short_of = 1;
+    }
     uint32_t expected = 0;
     for (int a = 0; a < ARRAY_COUNT; ++a)
         expected += ARRAYS[a].role == ROLE_STATE;

@@ -3,14 +3,21 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/end_blocks.h"
 #include "core/muscle.h"
 
 void sphm_muscle_rest_ends(sphm_muscle *muscle) {
-    const sphm_body *body = &muscle->model.body;
     muscle->solid.activation = NAN;
     muscle->solid.activation_end_s = INFINITY;
-    sphm_end_motion_rest(&muscle->solid.ends[SPHM_END_ORIGIN], body->origin_m);
-    sphm_end_motion_rest(&muscle->solid.ends[SPHM_END_INSERTION], body->insertion_m);
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        const sphm_end_block *block = &muscle->model.ends[end];
+        double bone[3];
+        for (int d = 0; d < 3; ++d)
+            bone[d] = block->point_m[d] + block->axis[d] * block->tendon_slack_m;
+        memset(&muscle->solid.ends[end], 0, sizeof muscle->solid.ends[end]);
+        muscle->solid.ends[end].condition = SPHM_END_HELD;
+        sphm_end_motion_rest(&muscle->solid.ends[end].motion, bone);
+    }
 }
 
 static sphm_status refuse_fluid(const sphm_muscle *muscle, const char *what, sphm_context *context) {
@@ -49,6 +56,18 @@ sphm_status sphm_muscle_release_activation(sphm_muscle *muscle, sphm_context *co
     return status;
 }
 
+static const double none[3] = {0, 0, 0};
+
+static void set_condition(sphm_muscle *muscle, int end, int condition, const double load_N[3]) {
+    muscle->solid.ends[end].condition = condition;
+    memcpy(muscle->solid.ends[end].load_N, load_N, sizeof muscle->solid.ends[end].load_N);
+}
+
+static void frame_now(const sphm_muscle *muscle, int end, sphm_end_state *now) {
+    sphm_end_frame_state(&muscle->model.ends[end], &muscle->solid.ends[end], sphm_muscle_time(muscle),
+                         &sphm_muscle_state(muscle)->ends[end], now);
+}
+
 sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
                                      double duration_s, sphm_context *context) {
     sphm_status status = refuse_fluid(muscle, "moving an end", context);
@@ -57,8 +76,67 @@ sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_en
     if (status != SPHM_OK)
         return status;
     const double jump_m = muscle->model.parameters.max_pose_jump * muscle->model.body.length_m;
-    return sphm_end_motion_set(&muscle->solid.ends[end], sphm_muscle_time(muscle), pose, duration_s, jump_m,
-                               context);
+    sphm_end_state now;
+    frame_now(muscle, end, &now);
+    status = sphm_end_motion_set_from(&muscle->solid.ends[end].motion, sphm_muscle_time(muscle), &now, pose,
+                                      duration_s, jump_m, context);
+    if (status == SPHM_OK)
+        set_condition(muscle, end, SPHM_END_HELD, none);
+    return status;
+}
+
+/* Refuses fluids, unknown ends and ends that nothing is attached to. */
+static sphm_status check_block(const sphm_muscle *muscle, int end, const char *what, sphm_context *context) {
+    const sphm_status status = refuse_fluid(muscle, what, context);
+    if (status != SPHM_OK)
+        return status;
+    if (end != SPHM_END_ORIGIN && end != SPHM_END_INSERTION)
+        return check_end(end, context);
+    if (!(muscle->model.ends[end].particles > 0))
+        return sphm_fail(
+            context, SPHM_REFUSED_ARGUMENT,
+            "%s: no particles are attached at the %s; attachment_fraction is %g, it must be above 0", what,
+            end == SPHM_END_ORIGIN ? "origin" : "insertion", muscle->model.parameters.attachment_fraction);
+    return status;
+}
+
+sphm_status sphm_muscle_set_end_load(sphm_muscle *muscle, int end, const double force_N[3],
+                                     sphm_context *context) {
+    const sphm_status status = check_block(muscle, end, "loading an end", context);
+    if (status != SPHM_OK)
+        return status;
+    if (!isfinite(force_N[0]) || !isfinite(force_N[1]) || !isfinite(force_N[2]))
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "load is (%g, %g, %g) N; it must be finite",
+                         force_N[0], force_N[1], force_N[2]);
+    set_condition(muscle, end, SPHM_END_LOADED, force_N);
+    return SPHM_OK;
+}
+
+sphm_status sphm_muscle_slide_end(sphm_muscle *muscle, int end, double force_N, sphm_context *context) {
+    const sphm_status status = check_block(muscle, end, "letting an end slide", context);
+    if (status != SPHM_OK)
+        return status;
+    if (!isfinite(force_N))
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "load is %g N; it must be finite", force_N);
+    const double *axis = muscle->model.ends[end].axis;
+    const double load[3] = {force_N * axis[0], force_N * axis[1], force_N * axis[2]};
+    set_condition(muscle, end, SPHM_END_SLIDING, load);
+    return SPHM_OK;
+}
+
+sphm_status sphm_muscle_release_end(sphm_muscle *muscle, int end, sphm_context *context) {
+    const sphm_status status = check_block(muscle, end, "releasing an end", context);
+    if (status == SPHM_OK)
+        set_condition(muscle, end, SPHM_END_FREE, none);
+    return status;
+}
+
+int sphm_muscle_end_condition(const sphm_muscle *muscle, int end, double load_N[3]) {
+    if (!muscle->ops->wrench || end < 0 || end >= SPHM_END_COUNT)
+        return -1;
+    if (load_N)
+        memcpy(load_N, muscle->solid.ends[end].load_N, 3 * sizeof *load_N);
+    return (int)muscle->solid.ends[end].condition;
 }
 
 /* Unit quaternion x, y, z, w of a rotation, by its largest component (Shepperd, J. Guid. Control 1 (1978)
@@ -91,7 +169,7 @@ sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_po
     if (status != SPHM_OK)
         return status;
     sphm_end_state now;
-    sphm_end_motion_at(&muscle->solid.ends[end], sphm_muscle_time(muscle), &now);
+    frame_now(muscle, end, &now);
     memcpy(pose->position_m, now.position_m, sizeof now.position_m);
     memcpy(pose->velocity_m_per_s, now.velocity_m_per_s, sizeof now.velocity_m_per_s);
     memcpy(pose->angular_velocity_rad_per_s, now.angular_velocity_rad_per_s,

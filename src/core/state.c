@@ -62,10 +62,15 @@ void sphm_state_free(sphm_state *state) {
     memset(state, 0, sizeof *state);
 }
 
-void sphm_state_copy(const sphm_state *from, sphm_state *to) {
+void sphm_state_copy_scalars(const sphm_state *from, sphm_state *to) {
     to->time_s = from->time_s;
     to->steps = from->steps;
     to->diffusion_due_s = from->diffusion_due_s;
+    memcpy(to->ends, from->ends, sizeof to->ends);
+}
+
+void sphm_state_copy(const sphm_state *from, sphm_state *to) {
+    sphm_state_copy_scalars(from, to);
 #define ARRAY(type, name, role, unit, meaning) memcpy(to->name, from->name, from->count * sizeof(type));
 #include "core/state_arrays.inc"
 #undef ARRAY
@@ -108,9 +113,7 @@ sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_
     const sphm_status status = find_slots(from, slots, context);
     if (status != SPHM_OK)
         return status;
-    to->time_s = from->time_s;
-    to->steps = from->steps;
-    to->diffusion_due_s = from->diffusion_due_s;
+    sphm_state_copy_scalars(from, to);
 #define ARRAY(type, name, role, unit, meaning)                                                               \
     if (role)                                                                                                \
         for (size_t id = 0; id < to->count; ++id)                                                            \

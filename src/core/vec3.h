@@ -14,13 +14,6 @@ static inline double sphm_norm3(const double a[3]) {
     return sqrt(sphm_dot3(a, a));
 }
 
-static inline void sphm_cross3(const double a[3], const double b[3], double out[3]) {
-    double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
-    out[0] = x;
-    out[1] = y;
-    out[2] = z;
-}
-
 static inline void sphm_subtract3(const double a[3], const double b[3], double out[3]) {
     for (int k = 0; k < 3; k++)
         out[k] = a[k] - b[k];

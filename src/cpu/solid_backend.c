@@ -11,11 +11,13 @@
 
 #include "core/backend.h"
 #include "core/context.h"
+#include "core/end_blocks.h"
 #include "core/gradient.h"
 #include "cpu/grid.h"
 #include "cpu/membrane.h"
 #include "cpu/neighbours.h"
 #include "cpu/parallel.h"
+#include "cpu/solid_ends.h"
 #include "cpu/solid_sweeps.h"
 #include "kernels/vector.h"
 
@@ -206,45 +208,6 @@ static void add_point_forces(solid_backend *b, const sphm_drive *drive) {
     }
 }
 
-/* What moves an attached particle: u = (p - p0) + (R - 1)(X - p0), v = p' + w x R (X - p0), with single
- * precision left to the last operation. */
-typedef struct end_frame {
-    double shift[3], turn_minus_one[9], spin_turn[9], velocity[3], rest[3];
-} end_frame;
-
-static end_frame frame_of(const solid_backend *b, const sphm_end_motion *motion, int end, double time_s) {
-    const sphm_body *body = &b->model->body;
-    const double *rest = end == SPHM_END_ORIGIN ? body->origin_m : body->insertion_m;
-    sphm_end_state now;
-    end_frame f;
-    sphm_end_motion_at(motion, time_s, &now);
-    const double *w = now.angular_velocity_rad_per_s;
-    for (int d = 0; d < 3; ++d) {
-        f.rest[d] = rest[d] - b->model->frame_m[d];
-        f.shift[d] = now.position_m[d] - rest[d];
-        f.velocity[d] = now.velocity_m_per_s[d];
-        const double *R = now.rotation;
-        const int e = (d + 1) % 3, g = (d + 2) % 3;
-        for (int c = 0; c < 3; ++c) {
-            f.turn_minus_one[3 * d + c] = R[3 * d + c] - (d == c);
-            f.spin_turn[3 * d + c] = w[e] * R[3 * g + c] - w[g] * R[3 * e + c];
-        }
-    }
-    return f;
-}
-
-static void carry(const end_frame *f, const double rest[3], sphm_real *motion) {
-    double arm[3], turned[3], spun[3];
-    for (int d = 0; d < 3; ++d)
-        arm[d] = rest[d] - f->rest[d];
-    sphm_multiply3(f->turn_minus_one, arm, turned);
-    sphm_multiply3(f->spin_turn, arm, spun);
-    for (int d = 0; d < 3; ++d) {
-        motion[d] = (sphm_real)(f->shift[d] + turned[d]);
-        motion[4 + d] = (sphm_real)(f->velocity[d] + spun[d]);
-    }
-}
-
 /* Kick and drift of a free particle. */
 typedef struct mover {
     sphm_real kick, keep, step, gravity[3];
@@ -287,7 +250,7 @@ static int is_finite(const sphm_real *motion) {
     return sum == 0;
 }
 
-static void integrate_block(solid_backend *b, const mover *m, const end_frame ends[SPHM_END_COUNT],
+static void integrate_block(solid_backend *b, const mover *m, const sphm_end_frame ends[SPHM_END_COUNT],
                             size_t block) {
     sphm_state *s = &b->state;
     int32_t bad = -1;
@@ -297,8 +260,9 @@ static void integrate_block(solid_backend *b, const mover *m, const end_frame en
             move(m, b->lines.force + 4 * i, motion);
         } else {
             const double rest[3] = {(double)s->rest_x[i], (double)s->rest_y[i], (double)s->rest_z[i]};
-            carry(&ends[s->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION],
-                  rest, motion);
+            sphm_solid_carry(
+                &ends[s->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION], rest,
+                motion);
         }
         store(s, i, motion);
         if (bad < 0 && !is_finite(motion))
@@ -309,9 +273,9 @@ static void integrate_block(solid_backend *b, const mover *m, const end_frame en
 
 static void integrate(solid_backend *b, const sphm_drive *drive, double step_s) {
     const mover m = mover_of(b, step_s);
-    end_frame ends[SPHM_END_COUNT];
+    sphm_end_frame ends[SPHM_END_COUNT];
     for (int end = 0; end < SPHM_END_COUNT; ++end)
-        ends[end] = frame_of(b, &drive->ends[end], end, b->state.time_s + step_s);
+        ends[end] = sphm_solid_move_end(b->model, &b->state, b->lines.force, &drive->ends[end], end, step_s);
     const size_t blocks = sphm_block_count(b->state.count);
 #pragma omp parallel for num_threads(b->threads) schedule(static)
     for (size_t block = 0; block < blocks; ++block)
@@ -397,8 +361,7 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
     if (status == SPHM_OK) {
         memcpy(slots, s->id, s->count * sizeof *slots);
         sphm_state_permute(&by_id, slots, scratch);
-        s->time_s = by_id.time_s;
-        s->steps = by_id.steps;
+        sphm_state_copy_scalars(&by_id, s);
 #define STATE(type, name) memcpy(s->name, by_id.name, s->count * sizeof(type));
 #define REST(type, name)
 #define SCRATCH(type, name)
@@ -437,7 +400,9 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
     for (size_t block = 0; block < sphm_block_count(b->state.count); ++block)
         modulus = fmax(modulus, b->lines.block_modulus_Pa[block]);
     const double eigenvalue = b->gradient.gradient_eigenvalue, hourglass = b->gradient.hourglass_eigenvalue;
-    const double w2 = (modulus * eigenvalue + p->hourglass_stiffness * hourglass) / density;
+    double w2 = (modulus * eigenvalue + p->hourglass_stiffness * hourglass) / density;
+    for (int end = 0; end < SPHM_END_COUNT; ++end)
+        w2 += sphm_end_block_frequency2(&b->model->ends[end]);
     const double c =
         p->tissue_viscosity * (2 * eigenvalue + (p->hourglass_stiffness > 0 ? hourglass : 0)) / density;
     sphm_time_step_limits l;
@@ -473,27 +438,6 @@ static const char *device(const sphm_backend *backend) {
     return look_inside(backend)->device;
 }
 
-/* Force and moment about `pivot` of the present lines on the particles attached at an end. */
-static void sum_wrench(const solid_backend *b, int end, const double pivot[3], double force[3],
-                       double moment[3]) {
-    const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
-    const sphm_state *s = &b->state;
-    memset(force, 0, 3 * sizeof *force);
-    memset(moment, 0, 3 * sizeof *moment);
-    for (size_t i = 0; i < s->count; ++i) {
-        if (s->attachment[i] != attached)
-            continue;
-        const sphm_real *f = b->lines.force + 4 * i;
-        const double arm[3] = {(double)s->x[i] - pivot[0], (double)s->y[i] - pivot[1],
-                               (double)s->z[i] - pivot[2]};
-        for (int d = 0; d < 3; ++d) {
-            const int e = (d + 1) % 3, g = (d + 2) % 3;
-            force[d] += (double)f[d];
-            moment[d] += arm[e] * (double)f[g] - arm[g] * (double)f[e];
-        }
-    }
-}
-
 /* Lines of the present motion with part of the stress. What a step left behind for the next one and for those
  * who look - density, pressure, moduli - stays: looking changes nothing. Arrays that are SCRATCH serve
  * instead. */
@@ -514,26 +458,41 @@ static void sweep_part(solid_backend *b, int with_activation, int with_damping) 
     sphm_solid_force_sweep(&field, &lines);
 }
 
+/* With a tendon between, the bone feels the tendon: at its own point, so without a moment. */
+static void put_tendon_between(const solid_backend *b, const sphm_end_drive *drive, int end, sphm_wrench *w) {
+    const sphm_end_block *block = &b->model->ends[end];
+    if (drive->condition != SPHM_END_HELD || !(block->tendon_N_per_m > 0))
+        return;
+    sphm_end_pull_of_bone(block, &drive->motion, b->state.time_s, &b->state.ends[end], w->force_N);
+    for (int d = 0; d < 3; ++d) {
+        w->force_N[d] = -w->force_N[d];
+        w->moment_Nm[d] = 0;
+    }
+}
+
 /* The stress is a sum, so the parts are differences of sweeps with and without. */
-static void wrench(sphm_backend *backend, const sphm_end_motion *motion, int end, sphm_wrench *w) {
+static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *w) {
     solid_backend *b = inside(backend);
-    sphm_end_state now;
+    const sphm_state *s = &b->state;
+    const sphm_real *force = b->lines.force;
+    sphm_end_state frame;
     double pivot[3], elastic_N[3], elastic_Nm[3];
-    sphm_end_motion_at(motion, b->state.time_s, &now);
+    sphm_end_frame_state(&b->model->ends[end], drive, s->time_s, &s->ends[end], &frame);
     for (int d = 0; d < 3; ++d)
-        pivot[d] = now.position_m[d] - b->model->frame_m[d];
+        pivot[d] = frame.position_m[d] - b->model->frame_m[d];
     sweep_part(b, 0, 0);
-    sum_wrench(b, end, pivot, w->passive_N, w->passive_Nm);
+    sphm_solid_sum_end(s, force, end, pivot, w->passive_N, w->passive_Nm);
     sweep_part(b, 1, 0);
-    sum_wrench(b, end, pivot, elastic_N, elastic_Nm);
+    sphm_solid_sum_end(s, force, end, pivot, elastic_N, elastic_Nm);
     sweep_part(b, 1, 1);
-    sum_wrench(b, end, pivot, w->force_N, w->moment_Nm);
+    sphm_solid_sum_end(s, force, end, pivot, w->force_N, w->moment_Nm);
     for (int d = 0; d < 3; ++d) {
         w->active_N[d] = elastic_N[d] - w->passive_N[d];
         w->active_Nm[d] = elastic_Nm[d] - w->passive_Nm[d];
         w->damping_N[d] = w->force_N[d] - elastic_N[d];
         w->damping_Nm[d] = w->moment_Nm[d] - elastic_Nm[d];
     }
+    put_tendon_between(b, drive, end, w);
 }
 
 const sphm_backend_ops sphm_cpu_solid_backend = {"cpu",  create, destroy,      step,   view,  restore,

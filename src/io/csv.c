@@ -56,6 +56,12 @@ static const column columns[] = {
     COLUMN("volume_ratio", volume_ratio),
     COLUMN("kinetic_energy_J", kinetic_energy_J),
     COLUMN("speed_max_m_per_s", speed_max_m_per_s),
+    COLUMN("force_N", force_N),
+    COLUMN("force_active_N", force_active_N),
+    COLUMN("force_passive_N", force_passive_N),
+    COLUMN("force_damping_N", force_damping_N),
+    COLUMN("attachment_distance_m", attachment_distance_m),
+    COLUMN("normalised_fibre_length", normalised_fibre_length),
 };
 
 enum { COLUMNS = sizeof columns / sizeof columns[0] };

@@ -17,6 +17,48 @@ SPHM_FN void sphm_multiply3(const double m[9], const double v[3], double out[3])
         out[i] = m[3 * i] * v[0] + m[3 * i + 1] * v[1] + m[3 * i + 2] * v[2];
 }
 
+/* out may be a or b */
+SPHM_FN void sphm_cross3(const double a[3], const double b[3], double out[3]) {
+    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+    out[0] = x;
+    out[1] = y;
+    out[2] = z;
+}
+
+/* out = m^T v */
+SPHM_FN void sphm_multiply3_transposed(const double m[9], const double v[3], double out[3]) {
+    for (int i = 0; i < 3; ++i)
+        out[i] = m[i] * v[0] + m[3 + i] * v[1] + m[6 + i] * v[2];
+}
+
+SPHM_FN void sphm_multiply33(const double a[9], const double b[9], double out[9]) {
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+            out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+/* v + first r x v + second r x (r x v) */
+SPHM_FN void sphm_twist3(const double r[3], double first, double second, const double v[3], double out[3]) {
+    double once[3], twice[3];
+    sphm_cross3(r, v, once);
+    sphm_cross3(r, once, twice);
+    for (int d = 0; d < 3; ++d)
+        out[d] = v[d] + first * once[d] + second * twice[d];
+}
+
+/* Rodrigues: the rotation by |r| about r. */
+SPHM_FN void sphm_rotation_of(const double r[3], double out[9]) {
+    const double angle = sqrt(sphm_dot3(r, r));
+    const double first = angle > 1e-8 ? sin(angle) / angle : 1;
+    const double half = angle > 1e-8 ? sin(angle / 2) / (angle / 2) : 1, second = half * half / 2;
+    for (int j = 0; j < 3; ++j) {
+        double unit[3] = {j == 0 ? 1.0 : 0.0, j == 1 ? 1.0 : 0.0, j == 2 ? 1.0 : 0.0}, column[3];
+        sphm_twist3(r, first, second, unit, column);
+        for (int i = 0; i < 3; ++i)
+            out[3 * i + j] = column[i];
+    }
+}
+
 /* One Jacobi rotation of the symmetric 4 x 4 matrix `a` that zeroes a[p][q]; `v` collects the eigenvectors in
  * its columns (Golub and Van Loan, Matrix Computations, section 8.5). */
 SPHM_FN void sphm_jacobi_rotate4(double a[4][4], double v[4][4], int p, int q) {

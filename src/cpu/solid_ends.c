@@ -1,0 +1,93 @@
+/* Ends of the solid tissue; see solid_ends.h. Blocks are moved one after the other and their particles are
+ * summed in slot order: a tenth of the particles each, for a few additions. */
+#include "cpu/solid_ends.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/end_blocks.h"
+
+void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end, const double pivot[3],
+                        double force_N[3], double moment_Nm[3]) {
+    const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
+    memset(force_N, 0, 3 * sizeof *force_N);
+    memset(moment_Nm, 0, 3 * sizeof *moment_Nm);
+    for (size_t i = 0; i < state->count; ++i) {
+        if (state->attachment[i] != attached)
+            continue;
+        const double arm[3] = {(double)state->x[i] - pivot[0], (double)state->y[i] - pivot[1],
+                               (double)state->z[i] - pivot[2]};
+        const double f[3] = {(double)force[4 * i], (double)force[4 * i + 1], (double)force[4 * i + 2]};
+        double moment[3];
+        sphm_cross3(arm, f, moment);
+        for (int d = 0; d < 3; ++d) {
+            force_N[d] += f[d];
+            moment_Nm[d] += moment[d];
+        }
+    }
+}
+
+/* The tissue moves the block, and what pulls at the end of the line of action: a load, or a bone through a
+ * tendon. */
+static void move_block(const sphm_model *model, sphm_state *state, const sphm_real *force,
+                       const sphm_end_drive *drive, int end, double step_s) {
+    const sphm_end_block *block = &model->ends[end];
+    const sphm_parameters *p = &model->parameters;
+    sphm_end_body *body = &state->ends[end];
+    const double keep = exp(-p->velocity_damping * step_s);
+    double centre[3], force_N[3], moment_Nm[3], pull_N[3];
+    for (int d = 0; d < 3; ++d) {
+        centre[d] = block->centre_m[d] + body->shift_m[d] - model->frame_m[d];
+        pull_N[d] = drive->load_N[d];
+    }
+    sphm_solid_sum_end(state, force, end, centre, force_N, moment_Nm);
+    if (drive->condition == SPHM_END_HELD)
+        sphm_end_pull_of_bone(block, &drive->motion, state->time_s, body, pull_N);
+    if (drive->condition == SPHM_END_SLIDING)
+        sphm_end_body_slide(block, force_N, pull_N, p->gravity, step_s, keep, body);
+    else
+        sphm_end_body_step(block, force_N, moment_Nm, pull_N, p->gravity, step_s, keep, body);
+}
+
+static sphm_end_frame frame_of(const sphm_model *model, const sphm_end_block *block,
+                               const sphm_end_body *body) {
+    const double *R = body->rotation;
+    double w[3];
+    sphm_end_frame f;
+    sphm_end_body_spin(block, R, body->momentum_Nms, w);
+    for (int d = 0; d < 3; ++d) {
+        f.centre[d] = block->centre_m[d] - model->frame_m[d];
+        f.shift[d] = body->shift_m[d];
+        f.velocity[d] = body->velocity_m_per_s[d];
+        const int e = (d + 1) % 3, g = (d + 2) % 3;
+        for (int c = 0; c < 3; ++c) {
+            f.turn_minus_one[3 * d + c] = R[3 * d + c] - (d == c);
+            f.spin_turn[3 * d + c] = w[e] * R[3 * g + c] - w[g] * R[3 * e + c];
+        }
+    }
+    return f;
+}
+
+sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, const sphm_real *force,
+                                   const sphm_end_drive *drive, int end, double step_s) {
+    const sphm_end_block *block = &model->ends[end];
+    if (block->particles > 0) {
+        if (sphm_end_follows(block, drive))
+            sphm_end_follow(block, &drive->motion, state->time_s + step_s, &state->ends[end]);
+        else
+            move_block(model, state, force, drive, end, step_s);
+    }
+    return frame_of(model, block, &state->ends[end]);
+}
+
+void sphm_solid_carry(const sphm_end_frame *f, const double rest[3], sphm_real *motion) {
+    double arm[3], turned[3], spun[3];
+    for (int d = 0; d < 3; ++d)
+        arm[d] = rest[d] - f->centre[d];
+    sphm_multiply3(f->turn_minus_one, arm, turned);
+    sphm_multiply3(f->spin_turn, arm, spun);
+    for (int d = 0; d < 3; ++d) {
+        motion[d] = (sphm_real)(f->shift[d] + turned[d]);
+        motion[4 + d] = (sphm_real)(f->velocity[d] + spun[d]);
+    }
+}
