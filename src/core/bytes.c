@@ -35,7 +35,7 @@ static uint64_t bits_of(const void *number, size_t size) {
 
 static void put(unsigned char *bytes, const void *number, size_t size) {
     const uint64_t bits = bits_of(number, size);
-    for (size_t i = 0; i < size; ++i)
+    for (size_t i = 0; i < size && i < sizeof bits; ++i)
         bytes[i] = (unsigned char)(bits >> (8 * i));
 }
 
