@@ -47,6 +47,11 @@ static void invert(const double m[9], double inverse[9]) {
             inverse[3 * r + c] = cofactor[3 * c + r] / determinant;
 }
 
+static int has_tendon(const sphm_parameters *parameters, int end) {
+    return parameters->tendon_ends == SPHM_TENDON_BOTH ||
+           parameters->tendon_ends == (end == SPHM_END_ORIGIN ? SPHM_TENDON_ORIGIN : SPHM_TENDON_INSERTION);
+}
+
 sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm_body *body, int end,
                                    double particle_mass_kg) {
     const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
@@ -55,6 +60,10 @@ sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm
     for (int d = 0; d < 3; ++d) {
         block.point_m[d] = end == SPHM_END_ORIGIN ? body->origin_m[d] : body->insertion_m[d];
         block.axis[d] = end == SPHM_END_ORIGIN ? -body->axis[d] : body->axis[d];
+    }
+    if (parameters->tendon_stiffness > 0 && has_tendon(parameters, end)) {
+        block.tendon_slack_m = parameters->tendon_slack_length;
+        block.tendon_N_per_m = parameters->tendon_stiffness;
     }
     find_centre(body, attached, &block);
     if (!(block.particles > 0))

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "core/choose_backend.h"
+#include "core/calibration.h"
 #include "core/context.h"
 #include "core/electrodes.h"
 #include "core/observer.h"
@@ -67,8 +68,14 @@ static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters,
     sphm_chosen_backend chosen;
     /* Before the body is filled, which takes a while. */
     sphm_status status = sphm_backend_available(parameters, context);
+    sphm_parameters used = *parameters;
+    if (status == SPHM_OK && used.max_isometric_force > 0 && used.tissue == SPHM_TISSUE_SOLID) {
+        status = sphm_parameters_check(parameters, context);
+        if (status == SPHM_OK)
+            status = sphm_calibrate_isometric_stress(parameters, mesh, &used.max_isometric_stress, context);
+    }
     if (status == SPHM_OK)
-        status = sphm_model_create(&muscle->model, parameters, mesh, context);
+        status = sphm_model_create(&muscle->model, &used, mesh, context);
     if (status == SPHM_OK)
         status = sphm_stimulus_create(&muscle->stimulus, parameters, context);
     if (status == SPHM_OK)

@@ -96,10 +96,21 @@ static sphm_status check_time_step(const sphm_parameters *p, sphm_context *conte
                      shortest_s);
 }
 
+static sphm_status check_tendon(const sphm_parameters *p, sphm_context *context) {
+    if (p->tendon_stiffness > 0 && p->attachment_fraction == 0)
+        return sphm_fail(context, SPHM_REFUSED_PARAMETER,
+                         "tendon_stiffness is %g N/m, but attachment_fraction is 0; a tendon needs attached "
+                         "tissue to pull at",
+                         p->tendon_stiffness);
+    if (p->tendon_stiffness == 0 && p->tendon_slack_length > 0)
+        sphm_log(context, SPHM_LOG_WARNING, "tendon_slack_length is ignored: tendon_stiffness is 0");
+    return SPHM_OK;
+}
+
 sphm_status sphm_parameters_check(const sphm_parameters *parameters, sphm_context *context) {
     static sphm_status (*const rules[])(const sphm_parameters *, sphm_context *) = {
         check_ranges,         check_potentials, check_conduction, check_fibres,
-        check_line_of_action, check_colours,    check_time_step,
+        check_line_of_action, check_colours,    check_time_step,  check_tendon,
     };
     if (!parameters)
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "parameters are NULL");

@@ -38,6 +38,11 @@ enum { MARKER = 0x53504831 }; /* "SPH1" */
     SAME(c, "pressure|fibre_tension") && SPHM_COUPLING_PRESSURE == 0 && SPHM_COUPLING_FIBRE_TENSION == 1
 #define CHOICES_fibre_coupling(c)                                                                            \
     SAME(c, "true_stretch|volume_free") && SPHM_FIBRE_TRUE_STRETCH == 0 && SPHM_FIBRE_VOLUME_FREE == 1
+#define CHOICES_force_velocity(c)                                                                            \
+    SAME(c, "off|hill") && SPHM_FORCE_VELOCITY_OFF == 0 && SPHM_FORCE_VELOCITY_HILL == 1
+#define CHOICES_tendon_ends(c)                                                                               \
+    SAME(c, "insertion|origin|both") && SPHM_TENDON_INSERTION == 0 && SPHM_TENDON_ORIGIN == 1 &&             \
+        SPHM_TENDON_BOTH == 2
 #define CHOICES_end_orientation(c)                                                                           \
     SAME(c, "frame|line") && SPHM_END_ORIENTATION_FRAME == 0 && SPHM_END_ORIENTATION_LINE == 1
 #define CHOICES_time_step_policy(c)                                                                          \

@@ -21,7 +21,7 @@
 #include "core/muscle.h"
 
 static const char MAGIC[8] = {'S', 'P', 'H', 'M', 'S', 'N', 'A', 'P'};
-enum { VERSION = 3, ENTRY_BYTES = 4 + 5 * 8 + 8 };
+enum { VERSION = 4, ENTRY_BYTES = 4 + 5 * 8 + 8 };
 enum { END_NUMBERS = SPHM_END_COUNT * (sizeof(sphm_end_body) / sizeof(double)) };
 enum { SOLID_NUMBERS = sizeof(sphm_solid_commands) / sizeof(double) };
 

@@ -98,8 +98,7 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
     if (status == SPHM_OK)
         status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     if (status == SPHM_OK)
-        status =
-            sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, context);
+        status = sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, context);
     if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
         sphm_log(context, SPHM_LOG_WARNING,
                  "%zu of %zu particles have neighbours in a plane only and %zu have none: a larger "
@@ -118,6 +117,7 @@ static void set_field(solid_backend *b) {
     f->activation = s->activation;
     f->density = s->density;
     f->pressure = s->pressure;
+    f->fibre_rate = p->force_velocity == SPHM_FORCE_VELOCITY_HILL ? s->fibre_rate : NULL;
     f->constants = b->model->solid;
     f->viscosity_Pa_s = (sphm_real)p->tissue_viscosity;
     f->hourglass_Pa = (sphm_real)p->hourglass_stiffness;
@@ -321,7 +321,10 @@ static sphm_status step_once(solid_backend *b, double step_s, const sphm_drive *
     clock_lap(&lap, &t->integration_s);
     activate(b, drive, step_s);
     lap = sphm_wall_clock_s();
+    b->field.rate_share =
+        b->field.fibre_rate ? (sphm_real)-expm1(-step_s / b->model->parameters.rate_filter) : 0;
     sphm_solid_stress_sweep(&b->field, &b->lines);
+    b->field.rate_share = 0; /* sweeps that are not part of a step leave the rate alone */
     clock_lap(&lap, &t->density_pressure_s);
     b->state.time_s += step_s;
     ++b->state.steps;
@@ -415,8 +418,8 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
 
 static size_t memory_bytes(const solid_backend *b) {
     const size_t n = b->state.count, pairs = b->rows.row_start[n];
-    return sizeof *b + sphm_state_bytes(n) +
-           sphm_solid_lines_bytes(&b->lines) + 6 * n * sizeof(sphm_real) + 4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
+    return sizeof *b + sphm_state_bytes(n) + sphm_solid_lines_bytes(&b->lines) + 6 * n * sizeof(sphm_real) +
+           4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
            (n + 1) * sizeof(size_t) + b->diffusion.capacity * sizeof(sphm_real) +
            SPHM_DIFFUSION_SCRATCH * b->diffusion.particles * sizeof *b->diffusion.scratch +
            (b->grid.capacity + 1 + 2 * b->grid.particles) * sizeof(int32_t);

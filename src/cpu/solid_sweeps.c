@@ -84,7 +84,7 @@ typedef struct stress_batch {
     sphm_real displacement[16][LANES], velocity[16][LANES]; /* sums over the row */
     sphm_real own[16][LANES];                               /* `wide` lines */
     sphm_real stress[16][LANES];                            /* `stress` lines */
-    sphm_real fibre[3][LANES], activation[LANES];
+    sphm_real fibre[3][LANES], activation[LANES], fibre_rate[LANES];
     sphm_real modulus[LANES], J[LANES], pressure[LANES];
 } stress_batch;
 
@@ -156,6 +156,8 @@ static void gather_batch(const sphm_solid_field *field, const sphm_solid_lines *
     memcpy(b->fibre[1], field->fibre_y + begin, bytes);
     memcpy(b->fibre[2], field->fibre_z + begin, bytes);
     memcpy(b->activation, field->activation + begin, bytes);
+    if (field->fibre_rate)
+        memcpy(b->fibre_rate, field->fibre_rate + begin, bytes);
 }
 
 /* H = S B of a symmetric B, with column c of S in sum[3 * c]. */
@@ -196,15 +198,20 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
     for (int d = 0; d < 9; ++d)
         F[d] = H[d] + (sphm_real)(d % 4 == 0);
     const sphm_real f0[3] = {b->fibre[0][i], b->fibre[1][i], b->fibre[2][i]};
-    const sphm_real J = sphm_solid_stress(F, f0, b->activation[i], constants, P, &fibre);
+    const sphm_real fibre_rate =
+        b->fibre_rate[i] + field->rate_share * (sphm_solid_stretch_rate(F, rate, f0) - b->fibre_rate[i]);
+    const sphm_real activation = b->activation[i] * sphm_solid_force_velocity(fibre_rate, constants);
+    const sphm_real J = sphm_solid_stress(F, f0, activation, constants, P, &fibre);
     sphm_solid_add_viscous_stress(F, rate, f0, field->viscosity_Pa_s, 1 / J, P);
     sphm_real trace = 0; /* of P F^T = J sigma */
 #pragma GCC unroll 9
     for (int d = 0; d < 9; ++d)
         trace += P[d] * F[d];
     b->J[i] = J;
-    b->pressure[i] = trace / (-3 * J);
-    b->modulus[i] = sphm_solid_wave_modulus(F, J, &fibre, constants);
+    b->pressure[i] = trace / (-3 * J) + constants->surface_Pa; /* of the tissue proper */
+    b->modulus[i] =
+        sphm_solid_wave_modulus(F, J, &fibre, constants) + constants->rate_stiffness_Pa * b->activation[i];
+    b->fibre_rate[i] = fibre_rate;
 #pragma GCC unroll 9
     for (int d = 0; d < 9; ++d)
         H[d] = half_k * (H[d] + tau * rate[d]);
@@ -240,6 +247,8 @@ static void store_batch(const sphm_solid_field *field, sphm_solid_lines *lines, 
         if (n - at < 16)
             memcpy(line, last, (n - at) * 16 * sizeof(sphm_real));
     }
+    if (field->fibre_rate)
+        memcpy(field->fibre_rate + begin, b->fibre_rate, n * sizeof(sphm_real));
     sphm_real modulus = 0;
     int inverted = 0;
 #pragma omp simd reduction(max : modulus) reduction(| : inverted)

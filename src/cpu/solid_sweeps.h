@@ -50,6 +50,10 @@ typedef struct sphm_solid_lines {
 typedef struct sphm_solid_field {
     const sphm_real *fibre_x, *fibre_y, *fibre_z, *activation; /* [count] */
     sphm_real *density, *pressure; /* [count], kg/m3 and Pa; written by the stress sweep */
+    /* [count], 1/s, or NULL without force-velocity: the filtered rate of the fibres' stretch. The stress
+     * sweep moves it this share of the way to the present rate before it uses it. */
+    sphm_real *fibre_rate;
+    sphm_real rate_share;
     sphm_solid_constants constants;
     sphm_real viscosity_Pa_s, hourglass_Pa, hourglass_time_s, particle_volume_m3, density_kg_per_m3;
     int threads;

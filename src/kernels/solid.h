@@ -30,7 +30,12 @@ typedef struct sphm_solid_constants {
     sphm_real passive_coefficient;     /* P1 */
     sphm_real passive_exponent;        /* P2 */
     sphm_real passive_compressive_Pa;  /* stiffness of a fibre below its rest length; 0 in Table 3 */
-    int fibre_coupling;                /* SPHM_FIBRE_... */
+    sphm_real surface_Pa;              /* pressure of the surroundings */
+    /* Force-velocity: 1/(lambda_ofl times the greatest shortening speed), 0: off; 1 over Hill's curvature;
+     * what fast lengthening adds; and what its filtered rate adds to a fibre's stiffness at full activation.
+     */
+    sphm_real inverse_speed_s, inverse_curvature, eccentric_gain, rate_stiffness_Pa;
+    int fibre_coupling; /* SPHM_FIBRE_... */
 } sphm_solid_constants;
 
 /* Everything below is free of branches, so that a loop over particles vectorises: what looks like a choice is
@@ -65,6 +70,32 @@ SPHM_FN sphm_real sphm_solid_passive_curve(sphm_real r, const sphm_solid_constan
     const sphm_real steepness = c->passive_coefficient * c->passive_exponent * growth;
     *slope = r > 1 ? steepness : 0;
     return c->passive_coefficient * (growth - 1) + steepness * (r > end ? r - end : 0);
+}
+
+/* Rate of the stretch, 1/s: d lambda/dt = f.(Fdot f0). */
+SPHM_FN sphm_real sphm_solid_stretch_rate(const sphm_real F[9], const sphm_real rate[9],
+                                          const sphm_real f0[3]) {
+    sphm_real square = 0, power = 0;
+    for (int i = 0; i < 3; ++i) {
+        const sphm_real a = F[3 * i] * f0[0] + F[3 * i + 1] * f0[1] + F[3 * i + 2] * f0[2];
+        square += a * a;
+        power += a * (rate[3 * i] * f0[0] + rate[3 * i + 1] * f0[1] + rate[3 * i + 2] * f0[2]);
+    }
+    return power / sphm_sqrt(square);
+}
+
+/* Active force over the isometric one at a stretch rate. V: shortening speed over its maximum.
+ *   0 <= V <= 1    (1 - V)/(1 + V/k)                              Hill, Proc. R. Soc. B 126 (1938) 136
+ *   V < 0          1 + g v/(v + c), v = -V, c = g/(1 + 1/k)       same slope at V = 0, 1 + g in the limit
+ * and 0 beyond V = 1. Explicitly this would be a viscosity of 1.5e5 Pa s; the rate is therefore a filtered
+ * one (rate_filter), which makes it a stiffness in series. */
+SPHM_FN sphm_real sphm_solid_force_velocity(sphm_real stretch_rate, const sphm_solid_constants *c) {
+    const sphm_real v = stretch_rate * c->inverse_speed_s;
+    const sphm_real V = sphm_solid_clip(-v, 0, 1), longer = v > 0 ? v : 0;
+    const sphm_real corner = c->eccentric_gain / (1 + c->inverse_curvature);
+    const sphm_real shortening = (1 - V) / (1 + V * c->inverse_curvature);
+    const sphm_real lengthening = 1 + c->eccentric_gain * longer / (longer + corner);
+    return v > 0 ? lengthening : shortening;
 }
 
 /* What a fibre does at a stretch: Cauchy stresses along it. */
@@ -117,7 +148,12 @@ SPHM_FN void sphm_solid_cofactor(const sphm_real F[9], sphm_real K[9]) {
     K[8] = F[0] * F[4] - F[1] * F[3];
 }
 
-/* P(F) of the whole material. `fibre` receives the fibre's part apart. Returns J; for J <= 0 the particle is
+/* P(F) of the whole material. The pressure of the surroundings is in it, as p cof F: the derivative of
+ * p times the volume. Summed with the particles' gradients that is a follower pressure on the whole
+ * surface which leaves both momenta of a free muscle alone, and needs no surface normals; where the tissue
+ * is in balance with it the Cauchy stress of the tissue proper is -p. (The other way, area vectors from
+ * the rest gradient of 1 turned by cof F, presses on the outermost particles alone, which nothing but the
+ * hourglass force holds.) `fibre` receives the fibre's part apart. Returns J; for J <= 0 the particle is
  * inverted, P is all NaN, and whoever watches for non-finite values stops there. */
 SPHM_FN sphm_real sphm_solid_stress(const sphm_real F[9], const sphm_real f0[3], sphm_real activation,
                                     const sphm_solid_constants *c, sphm_real P[9], sphm_fibre_stress *fibre) {
@@ -160,7 +196,8 @@ SPHM_FN sphm_real sphm_solid_stress(const sphm_real F[9], const sphm_real f0[3],
     const sphm_real s = fibre->active_Pa + fibre->passive_Pa;
     const sphm_real tension = (volume_free ? s : J * s) * inverse_I4;
     const sphm_real spherical =
-        (c->bulk_Pa * log_J - slope * x - (volume_free ? s * (sphm_real)(1.0 / 3) : 0)) * inverse_J;
+        (c->bulk_Pa * log_J - slope * x - (volume_free ? s * (sphm_real)(1.0 / 3) : 0)) * inverse_J +
+        c->surface_Pa;
 
     /* Collect what multiplies a f0, a b, d f0, F and the cofactors. */
     const sphm_real a_f0 = tension - 2 * along * I5 * inverse_I4 + y * (2 * I1 - cross * inverse_I4);
