@@ -15,7 +15,8 @@ import sphm  # noqa: E402
 
 ROOT = HERE.parent
 # In the order of the report.
-CASES = ["fibre_bar"]
+CASES = ["plane_wave", "activation_times", "fibre_bar", "block", "cantilever", "belly", "isotonic", "physiology",
+         "paper_stability", "speed"]
 
 
 def load(name):

@@ -22,6 +22,7 @@ class Material:
     P1: float = 0.05
     P2: float = 6.6
     linear_from: float = 1.4
+    compressive: float = 0.0  # stiffness of fibres below their rest length
     volume_free: bool = False
 
     def active(self, r):
@@ -37,7 +38,8 @@ class Material:
     def fibre(self, stretch, alpha):
         """Cauchy stress along the fibre, Pa."""
         r = stretch / self.optimal
-        return self.sigma_max * (alpha * self.active(r) + self.passive(r)) * r
+        return (self.sigma_max * (alpha * self.active(r) + self.passive(r)) * r
+                - self.compressive * np.clip(1 - stretch, 0, None))
 
     def energy(self, F):
         """W1 + W2 + W3 of F[..., 3, 3], J/m3 of rest volume; F may be complex."""

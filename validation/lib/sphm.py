@@ -155,6 +155,7 @@ class Muscle:
         self.origin, self.insertion = np.array(body.origin_m), np.array(body.insertion_m)
         self.rest = _array(body.positions, self.count, 3)
         self.fibres = _array(body.fibres, self.count, 3)
+        self.axial_fraction = _array(body.axial_fraction, self.count)
         self.attachment = _array(body.attachment, self.count)
         self.region = _array(body.region, self.count)
         self.outer = _array(body.outer, self.count)
@@ -210,6 +211,13 @@ class Muscle:
             pose.angular_velocity_rad_per_s[d] = 0
         self._do("sphm_muscle_set_end_pose", self._handle, end, ctypes.byref(pose), ctypes.c_double(seconds))
 
+    def slide_end(self, end, load_N=0.0):
+        """Lets an end slide along the line of action, pulled away from the belly by a load."""
+        self._do("sphm_muscle_slide_end", self._handle, end, ctypes.c_double(load_N))
+
+    def release_end(self, end):
+        self._do("sphm_muscle_release_end", self._handle, end)
+
     def wrench(self, end):
         """Force and its parts (N) on the bone at an end, as a dict of arrays."""
         w = _STRUCTS["sphm_wrench"]()
@@ -237,6 +245,19 @@ class Muscle:
 
     def limits(self):
         return library().sphm_muscle_time_step_limits(self._handle)
+
+
+def held_at(plane, **parameters):
+    """A muscle along x whose ends are held up to x = -plane and from x = plane on: a held particle does not move, so
+    that the last held layer of particles should lie in that plane. The share to hold is chosen such that it is the
+    layer nearest to it."""
+    m = Muscle(**parameters)
+    shares = []
+    for inward, share in ((m.rest[:, 0], m.axial_fraction), (-m.rest[:, 0], 1 - m.axial_fraction)):
+        layers = np.unique(np.round(inward, 8))
+        last = layers[np.argmin(np.abs(layers + plane))]
+        shares.append(share[np.abs(inward - last) < 1e-7].mean())
+    return Muscle(**{**parameters, "attachment_fraction": float(max(shares)) + 1e-4})
 
 
 def settle(muscle, seconds, tolerance=1e-3, slice_s=0.01, least=0.05, say=None):
