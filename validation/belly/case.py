@@ -30,10 +30,10 @@ def fem_row(body, alpha):
             "pressure": body.mean_pressure() * 4 * body.volume / VOLUME, "J": body.volume_ratio()}
 
 
-def finite_elements(r, size, law, order=2, alphas=ALPHAS):
+def finite_elements(r, size, graded, law, order=2, alphas=ALPHAS):
     import fem
 
-    body = fem.Body(fem.belly_mesh(size, 0.1 - PLANE, 0.1 + PLANE), law, order, quarter=True)
+    body = fem.Body(fem.belly_mesh(size, 0.1 - PLANE, 0.1 + PLANE, graded=graded), law, order, quarter=True)
     rows, now, step = [], 0.0, 0.03
     for alpha in alphas:
         while now < alpha - 1e-9:
@@ -42,7 +42,7 @@ def finite_elements(r, size, law, order=2, alphas=ALPHAS):
                 body.solve(alpha=goal, say=r.say)
             except fem.NoSolution as end:
                 step /= 3
-                if step < 0.004:
+                if step < 0.015:
                     r.note(f"Finite elements of order {order}, {body.cells} tetrahedra of a quarter: no equilibrium "
                            f"found above activation {now:.3f} ({end}).")
                     return rows
@@ -121,10 +121,11 @@ def balance(row):
 
 def run(r):
     law = Material(volume_free=True)
-    sizes = [0.012] if r.quick else [0.016, 0.011, 0.0075, 0.0055]
+    meshes = [(0.010, False)] if r.quick else [(0.012, False), (0.008, False), (0.0055, False), (0.0055, True)]
     alphas = ALPHAS[:2] if r.quick else ALPHAS
     counts = COUNTS[:1] if r.quick else COUNTS
-    elements = [row for size in sizes for row in finite_elements(r, size, law, alphas=alphas)]
+    elements = [row for size, graded in meshes
+                for row in finite_elements(r, size, graded, law, alphas=alphas)]
     report_elements(r, elements, alphas)
     particles = [row for n in counts for row in particle_rows(r, n, law, alphas)]
     report_particles(r, particles, elements, alphas)

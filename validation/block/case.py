@@ -82,7 +82,7 @@ def run(r):
             error = 100 * np.linalg.norm(force - reference) / size
             rows.append([name, 1e3 * actual, 1e3 * free, cells, *map(float, force[:2]), *map(float, reference[:2]), error])
             errors.setdefault(name, []).append((actual, error))
-        r.check(f"{name}: force against finite elements, {1e3 * actual:.2g} mm spacing", error, below=4 if r.quick else 2)
+        r.check(f"{name}: force against finite elements, {1e3 * actual:.2g} mm spacing", error, below=12 if r.quick else 2)  # quick: coarse
     r.table("forces", "Force on the moved face (N): along the block and across, and the length of the difference.",
             ["case", "spacing (mm)", "between held layers (mm)", "tetrahedra", "particles, along", "across",
              "finite elements, along", "across", "difference (%)"], rows)

@@ -56,7 +56,7 @@ def particles(r, count, alpha, load):
     m.slide_end(INSERTION, load)
     m.activate(alpha)
     before, change = 0.0, 1.0
-    while m.time < 1.0 and (m.time < 0.15 or abs(change) > 2e-4):
+    while m.time < 0.5 and (m.time < 0.15 or abs(change) > 2e-4):
         m.advance(0.02)
         now = start - m.end_pose(INSERTION).position_m[0]
         change, before = (now - before) / max(abs(now), 1e-6), now
@@ -65,7 +65,7 @@ def particles(r, count, alpha, load):
 
 
 def run(r):
-    counts = [2231] if r.quick else [2231, 9888]
+    counts = [2231] if r.quick else [2231, 4944]
     alphas = (0.1,) if r.quick else (0.1, 0.3)
     rows = []
     figure, axes = plt.subplots()

@@ -58,9 +58,9 @@ def _mesh(build, size, fine=None):
     return mesh
 
 
-def belly_mesh(size, from_x, to_x, quarter=True, **shape):
-    """The belly between two sections, x = 0 ... length, elements of edge `size` (m), half that near the two faces.
-    `quarter`: the part with y, z > 0, whose cut faces are planes of symmetry."""
+def belly_mesh(size, from_x, to_x, quarter=True, graded=False, **shape):
+    """The belly between two sections, x = 0 ... length, elements of edge `size` (m), `graded`: half that near the two
+    faces. `quarter`: the part with y, z > 0, whose cut faces are planes of symmetry."""
     def fine(x):
         return 0.5 + 0.5 * np.clip((min(x - from_x, to_x - x) - 0.005) / 0.015, 0, 1)
 
@@ -72,7 +72,7 @@ def belly_mesh(size, from_x, to_x, quarter=True, **shape):
         loft = occ.addThruSections(loops, makeSolid=True)
         if quarter:
             occ.intersect(loft, [(3, occ.addBox(0, 0, from_x - 1, 1, 1, to_x + 2))])
-    mesh = _mesh(build, size, fine)
+    mesh = _mesh(build, size, fine if graded else None)
     # Straight edges cut corners: swell the sections until the volume is that of the formula.
     x = np.linspace(from_x, to_x, 2001)
     ry, rz = belly_radii(x, **shape)
@@ -205,7 +205,7 @@ class Body:
             return norm
         raise NoSolution(f"residual {norm:.3g} N after {most} steps")
 
-    def solve(self, alpha=None, shift=None, tolerance_N=2e-4, most=80, say=None):
+    def solve(self, alpha=None, shift=None, tolerance_N=2e-4, most=30, say=None):
         """Equilibrium at an activation and a shift (m; a number is one along x) of the upper face. On NoSolution the state is as before."""
         start = self.u.x.array.copy(), float(self.alpha.value), self.shift.value.copy()
         if alpha is not None:
@@ -226,7 +226,7 @@ class Body:
                 except NoSolution:
                     self.u.x.array[:] = self.before.x.array
                     drag *= 10
-                    if drag > 1e13:
+                    if drag > 3e10:
                         raise
                     continue
                 if say:
