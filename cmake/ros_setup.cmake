@@ -38,11 +38,13 @@ if(NOT SPH_MUSCLE_ROS STREQUAL "OFF")
       geometry_msgs
       message_generation
       roscpp
+      rosgraph_msgs
       sensor_msgs
       std_msgs
       std_srvs
       tf2
       tf2_ros
+      urdf
       visualization_msgs
     )
     set(SPH_MUSCLE_WITH_ROS ${catkin_FOUND})
@@ -57,8 +59,8 @@ if(SPH_MUSCLE_WITH_ROS)
   catkin_package(
     INCLUDE_DIRS include
     LIBRARIES ${PROJECT_NAME} ${PROJECT_NAME}_io
-    CATKIN_DEPENDS diagnostic_msgs diagnostic_updater geometry_msgs message_runtime roscpp sensor_msgs std_msgs
-                   std_srvs tf2 tf2_ros visualization_msgs
+    CATKIN_DEPENDS diagnostic_msgs diagnostic_updater geometry_msgs message_runtime roscpp rosgraph_msgs sensor_msgs std_msgs
+                   std_srvs tf2 tf2_ros urdf visualization_msgs
   )
 else()
   message(STATUS "sph_muscle: without the ROS node (SPH_MUSCLE_ROS=${SPH_MUSCLE_ROS})")

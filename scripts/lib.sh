@@ -18,10 +18,10 @@ using_opt_ros() { [[ -n ${ROS_DISTRO:-} && -f /opt/ros/$ROS_DISTRO/setup.bash ]]
 packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev catkin ros-message-generation
     libroscpp-dev libstd-msgs-dev libsensor-msgs-dev libgeometry-msgs-dev libvisualization-msgs-dev
     libstd-srvs-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev ros-std-msgs ros-geometry-msgs
-    libtf2-dev libtf2-ros-dev"
+    libtf2-dev libtf2-ros-dev libros-rosgraph-msgs-dev liburdf-dev"
 packages_run="python3-roslaunch rosout rosbash python3-rostopic python3-rosnode python3-rosservice
     python3-rosparam python3-rosmsg rospack-tools python3-rospy python3-geometry-msgs python3-std-msgs
-    python3-std-srvs python3-rosbag"
+    python3-std-srvs python3-rosbag ros-robot-state-publisher"
 packages_view="rviz"
 packages_screenshot="rviz xvfb xauth libgl1-mesa-dri imagemagick"
 # validation/run needs no ROS: the library, and what judges it.
@@ -36,9 +36,10 @@ if using_opt_ros; then
     p=ros-$ROS_DISTRO
     packages_build="build-essential cmake pkg-config libassimp-dev libyaml-dev $p-catkin $p-message-generation
         $p-roscpp $p-std-msgs $p-sensor-msgs $p-geometry-msgs $p-visualization-msgs $p-std-srvs
-        $p-diagnostic-msgs $p-diagnostic-updater $p-message-runtime $p-tf2 $p-tf2-ros"
+        $p-diagnostic-msgs $p-diagnostic-updater $p-message-runtime $p-tf2 $p-tf2-ros
+        $p-rosgraph-msgs $p-urdf"
     packages_run="$p-roslaunch $p-rosout $p-rosbash $p-rostopic $p-rosnode $p-rosservice $p-rosparam $p-rosmsg
-        $p-rospy $p-rosbag"
+        $p-rospy $p-rosbag $p-robot-state-publisher"
     packages_view="$p-rviz"
     packages_screenshot="$p-rviz xvfb xauth libgl1-mesa-dri imagemagick"
     packages_test="libgtest-dev $p-rostest $p-rosunit $p-tf2-msgs ccache git"

@@ -35,6 +35,7 @@ class EndFrames {
     // Forgets an end's place in its frame; it is taken over again from where the end is then.
     void recapture(int end) { ends_[end].captured = false; }
     // Does the end follow its frame? If it has one and does not, why.
+    const std::string &frame(int end) const { return ends_[static_cast<std::size_t>(end)].frame; }
     bool following(int end) const { return ends_[end].captured && ends_[end].problem.empty(); }
     const std::string &problem(int end) const { return ends_[end].problem; }
 

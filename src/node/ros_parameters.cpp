@@ -13,8 +13,8 @@
 namespace sph_muscle {
 namespace {
 
-// Private names that are not rows of the table: `config` is read here, the others by libraries.
-const char *const other_names[] = {"config", "diagnostic_period"};
+// Private names that are not rows of the table: `config` is read here, the others elsewhere or by libraries.
+const char *const other_names[] = {"config", "diagnostic_period", "muscles", "start_angle"};
 
 bool is_other_name(const std::string &name) {
     for (const char *other : other_names) {
@@ -89,14 +89,24 @@ std::string config_path(const ros::NodeHandle &handle) {
 
 } // namespace
 
-sphm_parameters read_parameters(const ros::NodeHandle &handle, sphm_context *context) {
-    sphm_parameters parameters = sphm_parameters_default();
+namespace {
+
+bool below_one_of(const std::vector<std::string> &groups, const std::string &name) {
+    for (const std::string &group : groups) {
+        if (!group.empty() && name.compare(0, group.size() + 1, group + "/") == 0)
+            return true;
+    }
+    return false;
+}
+
+void take_over(const ros::NodeHandle &handle, const std::vector<std::string> &groups,
+               sphm_parameters *parameters, sphm_context *context) {
     const std::string config = config_path(handle);
     if (!config.empty()) {
-        check(sphm_io_load_parameters(config.c_str(), &parameters, context), "~config", context);
+        check(sphm_io_load_parameters(config.c_str(), parameters, context), "~config", context);
     }
     for (const std::string &name : private_names(handle)) {
-        if (is_other_name(name))
+        if (is_other_name(name) || below_one_of(groups, name))
             continue;
         XmlRpc::XmlRpcValue value;
         if (!handle.getParam(name, value))
@@ -105,9 +115,19 @@ sphm_parameters read_parameters(const ros::NodeHandle &handle, sphm_context *con
         const bool is_text = info != nullptr && info->kind == SPHM_KIND_TEXT;
         // An unknown name goes on to the table as well: its message suggests the nearest one.
         const std::string text = info == nullptr ? "" : value_text(value, name, is_text);
-        check(sphm_parameters_set(&parameters, name.c_str(), text.c_str(), context),
+        check(sphm_parameters_set(parameters, name.c_str(), text.c_str(), context),
               "private parameter " + handle.resolveName(name), context);
     }
+}
+
+} // namespace
+
+sphm_parameters read_parameters(const ros::NodeHandle &handle, const std::string &group,
+                                const std::vector<std::string> &groups, sphm_context *context) {
+    sphm_parameters parameters = sphm_parameters_default();
+    take_over(handle, groups, &parameters, context);
+    if (!group.empty())
+        take_over(ros::NodeHandle(handle, group), {}, &parameters, context);
     check(sphm_parameters_check(&parameters, context), "parameters", context);
     return parameters;
 }

@@ -8,6 +8,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace sph_muscle {
 
@@ -17,9 +18,11 @@ class Refused : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-// Defaults, overridden by the YAML file `~config` names, overridden by the private parameters.
-// Throws Refused on an unknown name, a wrong type or a value out of range.
-sphm_parameters read_parameters(const ros::NodeHandle &private_handle, sphm_context *context);
+// Defaults, overridden by the YAML file `~config` names, overridden by the private parameters. With a `group`
+// these hold for all groups of the node, and are overridden by the same below `~GROUP/`; `groups` are all
+// there are. Throws Refused on an unknown name, a wrong type or a value out of range.
+sphm_parameters read_parameters(const ros::NodeHandle &private_handle, const std::string &group,
+                                const std::vector<std::string> &groups, sphm_context *context);
 
 } // namespace sph_muscle
 #endif

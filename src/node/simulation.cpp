@@ -1,5 +1,6 @@
 #include "simulation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <utility>
@@ -9,11 +10,22 @@ namespace {
 
 constexpr std::size_t max_queued_commands = 1000;
 constexpr auto republish_period = std::chrono::milliseconds(500);
+// Threads that sleep until the others are there take some 50 us to meet: several muscles meet this seldom, in
+// simulated seconds.
+constexpr double shortest_shared_slice_s = 4e-3;
 
 } // namespace
 
-Simulation::Simulation(sphm_muscle *muscle, double rate_Hz, sphm_context *context)
-    : muscle_(muscle), tick_s_(1 / rate_Hz), context_(context), schedule_(1 / rate_Hz) {}
+Simulation::Simulation(const std::vector<Member> &members, double rate_Hz, decltype(sphm_context::log) log)
+    : tick_s_(1 / rate_Hz), schedule_(1 / rate_Hz) {
+    for (const Member &member : members) {
+        muscles_.emplace_back(member.muscle);
+        names_.push_back(member.name);
+        sphm_context context{};
+        context.log = log;
+        contexts_.push_back(context);
+    }
+}
 
 Simulation::~Simulation() {
     stop();
@@ -184,21 +196,58 @@ void Simulation::rest() {
 void Simulation::begin_tick() {
     tick_began_ = WallClock::now();
     listener_.prepare(tick_s_);
-    const double slices = std::ceil(tick_s_ / sphm_muscle_time_step(muscle()) - 1e-9);
+    const double slices = std::ceil(tick_s_ / slice_at_least() - 1e-9);
     slices_left_ = std::isfinite(slices) && slices > 1 ? static_cast<uint64_t>(std::min(slices, 1e9)) : 1;
     slice_s_ = tick_s_ / static_cast<double>(slices_left_);
 }
 
+double Simulation::slice_at_least() const {
+    double longest_s = size() > 1 ? shortest_shared_slice_s : 0;
+    for (const auto &each : muscles_)
+        longest_s = std::max(longest_s, sphm_muscle_time_step(each.get()));
+    return longest_s;
+}
+
+uint64_t Simulation::most_steps() const {
+    uint64_t most = 0;
+    for (const auto &each : muscles_)
+        most = std::max(most, sphm_muscle_steps(each.get()));
+    return most;
+}
+
+// One slice of every muscle. Muscles side by side have one thread each: nested teams are off in OpenMP unless
+// somebody asks for them, and results do not depend on the number of threads.
+bool Simulation::advance_all() {
+    const int count = static_cast<int>(size());
+    std::vector<sphm_status> statuses(size(), SPHM_OK);
+    if (count == 1) {
+        statuses[0] = sphm_muscle_advance(muscle(), slice_s_, &contexts_[0]);
+    } else {
+#pragma omp parallel for num_threads(count) schedule(static, 1)
+        for (int i = 0; i < count; ++i) {
+            const auto at = static_cast<std::size_t>(i);
+            statuses[at] = sphm_muscle_advance(muscle(at), slice_s_, &contexts_[at]);
+        }
+    }
+    for (std::size_t i = 0; i < size(); ++i) {
+        if (statuses[i] == SPHM_OK)
+            continue;
+        const char *message = contexts_[i].message;
+        stop_muscle((names_[i].empty() ? "" : names_[i] + ": ") +
+                    (message[0] != '\0' ? message : sphm_status_name(statuses[i])));
+        return false;
+    }
+    return true;
+}
+
 void Simulation::advance_slice() {
-    const uint64_t steps = sphm_muscle_steps(muscle());
+    const uint64_t steps = most_steps();
     const WallTime began = WallClock::now();
-    const sphm_status status = sphm_muscle_advance(muscle(), slice_s_, context_);
-    if (status != SPHM_OK) {
-        stop_muscle(context_->message[0] != '\0' ? context_->message : sphm_status_name(status));
+    if (!advance_all()) {
         listener_.publish(true);
         return;
     }
-    const uint64_t taken = sphm_muscle_steps(muscle()) - steps;
+    const uint64_t taken = most_steps() - steps;
     if (taken > 0)
         step_times_s_.add(seconds(WallClock::now() - began) / static_cast<double>(taken));
     --slices_left_;
@@ -208,7 +257,7 @@ void Simulation::end_tick() {
     ++ticks_;
     if (ticks_to_step_ > 0) {
         --ticks_to_step_;
-        listener_.publish(true);
+        listener_.publish(ticks_to_step_ == 0);
         if (ticks_to_step_ == 0)
             end_stepping("");
     } else {
@@ -260,9 +309,14 @@ void Simulation::state_replaced() {
 }
 
 void Simulation::refresh_health() {
-    sphm_observation observation{};
-    sphm_muscle_observe(muscle(), &observation, nullptr);
     Health fresh;
+    for (const auto &each : muscles_) {
+        sphm_observation observation{};
+        sphm_muscle_observe(each.get(), &observation, nullptr);
+        if (!(std::fabs(observation.volume_ratio - 1) <= std::fabs(fresh.volume_ratio - 1)))
+            fresh.volume_ratio = observation.volume_ratio; // the worst
+        fresh.nonfinite += observation.nonfinite;
+    }
     fresh.paused = paused_;
     fresh.failed = failed();
     fresh.failure = failure_;
@@ -270,11 +324,9 @@ void Simulation::refresh_health() {
     fresh.real_time_factor = real_time_factor();
     fresh.tick_p99_s = tick_times_s_.percentile(0.99);
     fresh.step_p99_s = step_times_s_.percentile(0.99);
-    fresh.volume_ratio = observation.volume_ratio;
     fresh.ticks = ticks_;
     fresh.overruns = overruns_;
-    fresh.steps = sphm_muscle_steps(muscle());
-    fresh.nonfinite = observation.nonfinite;
+    fresh.steps = most_steps();
     health_refreshed_ = WallClock::now();
     std::lock_guard<std::mutex> lock(mutex_);
     health_ = fresh;

@@ -1,8 +1,9 @@
-// The muscle on a thread of its own.
+// The muscles of a node, most often one, on a thread of their own and one clock.
 //
-// The thread advances the muscle in ticks of 1/rate simulated seconds, each cut into slices of about one
+// The thread advances them in ticks of 1/rate simulated seconds, each cut into slices of about one
 // integration step, and between slices does what others have queued. So nobody waits for a whole tick, and
-// the muscle belongs to one thread. Which slices a tick has depends on the muscle alone, never on the wall
+// the muscles belong to one thread. Several muscles advance side by side, one processor each, and meet after
+// every slice. Which slices a tick has depends on the muscles alone, never on the wall
 // clock: two runs with the same commands at the same simulated times are alike.
 #ifndef SPH_MUSCLE_NODE_SIMULATION_H
 #define SPH_MUSCLE_NODE_SIMULATION_H
@@ -19,6 +20,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
 namespace sph_muscle {
 
@@ -36,11 +38,16 @@ class Simulation {
     struct Listener {
         std::function<void(double tick_s)> prepare; // before a tick
         std::function<void(bool all)> publish;      // after a tick; all: publish even what is thinned out
-        std::function<void(const std::string &)> failed; // the muscle stopped, and why
+        std::function<void(const std::string &)> failed; // the muscles stopped, and why
     };
 
-    // Takes over the muscle. `context` must outlive the object; only its thread uses it from start() on.
-    Simulation(sphm_muscle *muscle, double rate_Hz, sphm_context *context);
+    struct Member {
+        std::string name; // for messages; may be empty
+        sphm_muscle *muscle;
+    };
+
+    // Takes over the muscles, at least one. `log` is that of their contexts.
+    Simulation(const std::vector<Member> &members, double rate_Hz, decltype(sphm_context::log) log);
     ~Simulation();
     void start(Listener listener);
     void stop();
@@ -57,7 +64,10 @@ class Simulation {
     Health health() const;
 
     // On the thread, that is inside commands and the listener -------------------------------------------
-    sphm_muscle *muscle() const { return muscle_.get(); }
+    std::size_t size() const { return muscles_.size(); }
+    sphm_muscle *muscle(std::size_t index = 0) const { return muscles_[index].get(); }
+    // Simulated time since the start, in whole ticks. Unlike the muscles' own it never goes back.
+    double clock_s() const { return static_cast<double>(ticks_) * tick_s_; }
     bool paused() const { return paused_; }
     bool failed() const { return !failure_.empty(); }
     double real_time_factor() const { return paused_ || failed() ? 0 : real_time_factor_.value(); }
@@ -76,15 +86,19 @@ class Simulation {
     bool wait_until_due(); // false if woken early
     void rest();
     void begin_tick();
+    double slice_at_least() const;
     void advance_slice();
+    bool advance_all();
+    uint64_t most_steps() const;
     void end_tick();
     void stop_muscle(const std::string &why); // until it is reset or restored
     void end_stepping(const std::string &problem);
     void refresh_health();
 
-    std::unique_ptr<sphm_muscle, DestroyMuscle> muscle_;
+    std::vector<std::unique_ptr<sphm_muscle, DestroyMuscle>> muscles_;
+    std::vector<std::string> names_;
+    std::vector<sphm_context> contexts_; // one for each muscle
     const double tick_s_;
-    sphm_context *context_;
     Listener listener_;
     std::thread thread_;
 

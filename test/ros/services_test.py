@@ -44,7 +44,7 @@ class ServicesTest(unittest.TestCase):
         self.state.wait(lambda state: state.paused, "a pause")
 
     def steps(self, ticks):
-        answer = self.step(ticks)
+        answer = self.step(ticks=ticks)
         self.assertTrue(answer.success, answer.message)
         return answer.simulated_time
 
@@ -69,7 +69,7 @@ class ServicesTest(unittest.TestCase):
 
     def test_step_of_a_running_muscle_is_refused(self):
         self.pause(False)
-        answer = self.step(1)
+        answer = self.step(ticks=1)
         self.assertFalse(answer.success)
         self.assertIn("pause", answer.message)
 
@@ -130,7 +130,7 @@ class ServicesTest(unittest.TestCase):
         self.pause(False)
         self.state.wait(lambda state: state.failed, "a failure")
         self.assertIn("particle", self.log.wait_for_text("the muscle has stopped"))
-        stopped = self.step(1)
+        stopped = self.step(ticks=1)
         self.assertFalse(stopped.success)
         self.assertTrue(self.reset().success)
         state = self.state.wait(lambda state: not state.failed and state.simulated_time > 0.1, "life")

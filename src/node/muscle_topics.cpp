@@ -1,0 +1,252 @@
+#include "muscle_topics.h"
+
+#include "ros_parameters.h"
+
+#include "sph_muscle/io.h"
+
+namespace sph_muscle {
+namespace {
+
+constexpr auto warning_period = std::chrono::seconds(2);
+constexpr auto markers_period = std::chrono::milliseconds(100);
+
+sphm_context quiet_context() {
+    sphm_context context{};
+    return context;
+}
+
+ros::NodeHandle handle_of(const std::string &name) {
+    return name.empty() ? ros::NodeHandle() : ros::NodeHandle(name);
+}
+
+} // namespace
+
+void log_to_ros(sphm_log_level level, const char *text, void *) {
+    if (level == SPHM_LOG_WARNING) {
+        ROS_WARN("%s", text);
+    } else {
+        ROS_INFO("%s", text);
+    }
+}
+
+// Set-up --------------------------------------------------------------------------------------------------
+
+MuscleTopics::MuscleTopics(const std::string &name, const std::vector<std::string> &names,
+                           const tf2::BufferCore &frames)
+    : name_(name), handle_(handle_of(name)),
+      parameters_(read_parameters(ros::NodeHandle("~"), name, names, &context_)), ends_(parameters_, frames),
+      colours_(parameters_.surface_field, parameters_.surface_field_min, parameters_.surface_field_max) {
+    if (ends_.any() && parameters_.tissue != SPHM_TISSUE_SOLID)
+        throw Refused("origin_frame and insertion_frame need tissue: solid, whose ends can be moved");
+    create_muscle();
+}
+
+void MuscleTopics::create_muscle() {
+    context_.log = log_to_ros;
+    sphm_muscle *muscle = nullptr;
+    if (sphm_io_create_muscle(&parameters_, &muscle, &context_) != SPHM_OK)
+        throw Refused(std::string("cannot make the muscle: ") + context_.message);
+    made_.reset(muscle);
+    device_ = sphm_muscle_device(muscle);
+    const sphm_body *body = sphm_muscle_body(muscle);
+    ROS_INFO("%s%zu particles, %.2f mm apart, length %.1f mm, time step %.3g ms, on %s, %g ticks/s",
+             name_.empty() ? "" : (name_ + ": ").c_str(), body->count, 1e3 * body->spacing_m,
+             1e3 * body->length_m, 1e3 * sphm_muscle_time_step(muscle), device_.c_str(), parameters_.rate);
+}
+
+Simulation::Member MuscleTopics::hand_over() {
+    return {name_, made_.release()};
+}
+
+void MuscleTopics::connect(Simulation *simulation, std::size_t index) {
+    simulation_ = simulation;
+    index_ = index;
+    advertise();
+    subscribe();
+}
+
+void MuscleTopics::advertise() {
+    const ros::SubscriberStatusCallback greet = [this](const ros::SingleSubscriberPublisher &) {
+        simulation_->request_publish();
+    };
+    particles_ = handle_.advertise<sensor_msgs::PointCloud2>("particles", 2, greet);
+    surface_ = handle_.advertise<visualization_msgs::Marker>("surface", 2, greet);
+    markers_ = handle_.advertise<visualization_msgs::MarkerArray>("markers", 2, greet);
+    state_ = handle_.advertise<MuscleState>("state", 10, greet);
+    if (parameters_.tissue != SPHM_TISSUE_SOLID)
+        return;
+    wrenches_[SPHM_END_ORIGIN] = handle_.advertise<geometry_msgs::WrenchStamped>("origin_wrench", 10, greet);
+    wrenches_[SPHM_END_INSERTION] =
+        handle_.advertise<geometry_msgs::WrenchStamped>("insertion_wrench", 10, greet);
+}
+
+void MuscleTopics::subscribe() {
+    const auto prompt = ros::TransportHints().tcpNoDelay();
+    stimulus_ = handle_.subscribe("stimulus", 100, &MuscleTopics::on_stimulus, this, prompt);
+    stimulus_command_ =
+        handle_.subscribe("stimulus_command", 100, &MuscleTopics::on_stimulus_command, this, prompt);
+    external_force_ =
+        handle_.subscribe("external_force", 100, &MuscleTopics::on_external_force, this, prompt);
+    activation_command_ =
+        handle_.subscribe("activation_command", 100, &MuscleTopics::on_activation_command, this, prompt);
+}
+
+// Topics in -----------------------------------------------------------------------------------------------
+
+void MuscleTopics::on_stimulus(const std_msgs::Float64 &message) {
+    queue("stimulus", [message](sphm_muscle *muscle, sphm_context *context) {
+        return sphm_muscle_stimulate(muscle, nullptr, message.data, 0, context);
+    });
+}
+
+void MuscleTopics::on_stimulus_command(const StimulusCommand &message) {
+    queue("stimulus_command", [message](sphm_muscle *muscle, sphm_context *context) {
+        const char *electrode = message.electrode.empty() ? nullptr : message.electrode.c_str();
+        return sphm_muscle_stimulate(muscle, electrode, message.current_ua_per_mm2, message.duration,
+                                     context);
+    });
+}
+
+void MuscleTopics::on_external_force(const ExternalForce &message) {
+    queue("external_force", [message](sphm_muscle *muscle, sphm_context *context) {
+        const double point_m[3] = {message.point.x, message.point.y, message.point.z};
+        const double force_N[3] = {message.force.x, message.force.y, message.force.z};
+        return sphm_muscle_apply_force(muscle, point_m, force_N, message.radius, message.duration, context);
+    });
+}
+
+void MuscleTopics::on_activation_command(const std_msgs::Float64 &message) {
+    queue("activation_command", [message](sphm_muscle *muscle, sphm_context *context) {
+        return sphm_muscle_activate(muscle, message.data, 0, context);
+    });
+}
+
+void MuscleTopics::queue(const char *topic, const Attempt &attempt) {
+    const std::string name = handle_.resolveName(topic);
+    const bool queued = simulation_->post([this, name, attempt] {
+        sphm_context context = quiet_context();
+        if (attempt(muscle(), &context) != SPHM_OK)
+            warn(name, std::string("message dropped: ") + context.message);
+    });
+    if (!queued)
+        ROS_WARN_THROTTLE(2, "%s: dropped, commands come faster than the muscle steps", name.c_str());
+}
+
+// Throttled by the wall clock: ROS time may stand still or jump back.
+void MuscleTopics::warn(const std::string &what, const std::string &text) {
+    const WallTime now = WallClock::now();
+    const auto last = warned_.find(what);
+    if (last != warned_.end() && now - last->second < warning_period)
+        return;
+    warned_[what] = now;
+    ROS_WARN("%s: %s", what.c_str(), text.c_str());
+}
+
+// tf ------------------------------------------------------------------------------------------------------
+
+bool MuscleTopics::frames_known_at(const ros::Time &stamp, std::string *why) const {
+    return ends_.known_at(stamp, why);
+}
+
+void MuscleTopics::follow(double tick_s, const ros::Time &now) {
+    if (!ends_.any())
+        return;
+    ends_.follow(muscle(), tick_s, now);
+    const char *const names[SPHM_END_COUNT] = {"origin", "insertion"};
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        if (!ends_.problem(end).empty())
+            warn((name_.empty() ? "the " : name_ + ": the ") + names[end] +
+                     " holds its pose, it cannot follow the tf frame '" + ends_.frame(end) + "'",
+                 ends_.problem(end));
+    }
+}
+
+// Topics out: only what somebody listens to ---------------------------------------------------------------
+
+bool MuscleTopics::wrench(int end, const ros::Time &stamp, geometry_msgs::WrenchStamped *message) {
+    sphm_wrench wrench{};
+    if (sphm_muscle_wrench(muscle(), end, &wrench, nullptr) != SPHM_OK)
+        return false;
+    message->header.stamp = stamp;
+    message->header.frame_id = ends_.express(muscle(), end, &wrench);
+    fill_wrench(wrench, &message->wrench);
+    return true;
+}
+
+void MuscleTopics::publish_wrenches(const ros::Time &stamp) {
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        geometry_msgs::WrenchStamped message;
+        if (wrenches_[end].getNumSubscribers() > 0 && wrench(end, stamp, &message))
+            wrenches_[end].publish(message);
+    }
+}
+
+void MuscleTopics::publish(const ros::Time &stamp, bool all) {
+    std_msgs::Header header;
+    header.stamp = stamp;
+    header.frame_id = parameters_.frame_id;
+    const WallTime now = WallClock::now();
+    // Arrows and text need not come at the full rate, and rviz pays for each of them.
+    const bool with_markers =
+        markers_.getNumSubscribers() > 0 && (all || now - markers_published_ >= markers_period);
+    MuscleState state;
+    if (state_.getNumSubscribers() > 0 || with_markers) {
+        if (observe(header, &state) && state_.getNumSubscribers() > 0)
+            state_.publish(state);
+    }
+    if (particles_.getNumSubscribers() > 0 || with_markers) {
+        sphm_particles particles{};
+        sphm_context context = quiet_context();
+        if (sphm_muscle_particles(muscle(), &particles, &context) != SPHM_OK) {
+            warn(particles_.getTopic(), context.message);
+        } else {
+            if (particles_.getNumSubscribers() > 0) {
+                sensor_msgs::PointCloud2 cloud;
+                cloud.header = header;
+                fill_cloud(particles, &cloud);
+                particles_.publish(cloud);
+            }
+            if (with_markers) {
+                markers_.publish(make_markers(muscle(), particles, state));
+                markers_published_ = now;
+            }
+        }
+    }
+    if (surface_.getNumSubscribers() > 0)
+        publish_surface(header);
+}
+
+bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
+    sphm_observation observation{};
+    sphm_context context = quiet_context();
+    state->header = header;
+    const sphm_status status = sphm_muscle_observe(muscle(), &observation, &context);
+    if (status > SPHM_OK) {
+        warn(state_.getTopic(), context.message);
+        return false;
+    }
+    fill_state(observation, state);
+    state->paused = simulation_->paused();
+    state->origin_following = ends_.following(SPHM_END_ORIGIN);
+    state->insertion_following = ends_.following(SPHM_END_INSERTION);
+    state->failed = simulation_->failed();
+    state->real_time_factor = simulation_->real_time_factor();
+    state->steps = sphm_muscle_steps(muscle());
+    return true;
+}
+
+void MuscleTopics::publish_surface(const std_msgs::Header &header) {
+    sphm_skin skin{};
+    sphm_context context = quiet_context();
+    if (sphm_muscle_skin(muscle(), parameters_.surface_field, &skin, &context) != SPHM_OK) {
+        warn(surface_.getTopic(), context.message);
+        return;
+    }
+    colours_.follow(skin.field, skin.vertex_count);
+    visualization_msgs::Marker marker;
+    marker.header = header;
+    fill_surface(skin, colours_, &marker);
+    surface_.publish(marker);
+}
+
+} // namespace sph_muscle
