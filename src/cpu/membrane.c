@@ -11,6 +11,7 @@
  * the diffusion of less than one sub-step, an error of the same order as the splitting's. */
 #include "cpu/membrane.h"
 #include "cpu/parallel.h"
+#include "cpu/row.h"
 
 #include <math.h>
 #include <string.h>
@@ -79,20 +80,34 @@ static void react(sphm_state *s, const sphm_membrane_constants *constants, const
     }
 }
 
-/* membrane_next = potential + dt sum_j w_ij (potential_j - potential_i). Differences, not sum w V - V sum w,
- * so that a uniform potential stays uniform to the bit. */
+/* sum_j w_ij (potential_j - potential_i), before the 16 lanes are added up. Differences, not sum w V - V sum
+ * w, so that a uniform potential stays uniform to the bit. */
+SPHM_INLINE sphm_lanes flow(const sphm_neighbours *n, const sphm_real *weight, const sphm_real *potential,
+                            size_t i) {
+    sphm_lanes sum = {0};
+    const size_t end = n->row_start[i + 1];
+    for (size_t k = n->row_start[i]; k < end; k += SPHM_LANES) {
+        sphm_lanes w;
+        memcpy(&w, weight + k, sizeof w);
+        sum += w * (sphm_row_gather(potential, n->slot + k) - potential[i]);
+    }
+    return sum;
+}
+
+/* membrane_next = potential + dt flow. Four rows at a time, because their lanes are added up together. */
 static void diffuse(sphm_state *s, const sphm_neighbours *n, const sphm_real *weight, sphm_real step_ms,
                     size_t begin, size_t end) {
     const sphm_real *potential = s->membrane_potential;
-    for (size_t i = begin; i < end; i++) {
-        const int32_t *slot = n->slot;
-        const sphm_real own = potential[i];
-        const size_t row_end = n->row_start[i + 1];
-        sphm_real sum = 0;
-#pragma omp simd reduction(+ : sum)
-        for (size_t k = n->row_start[i]; k < row_end; k++)
-            sum += weight[k] * (potential[slot[k]] - own);
-        s->membrane_next[i] = own + step_ms * sum;
+    const sphm_lanes none = {0};
+    for (size_t i = begin; i < end; i += 4) {
+        const size_t rows = end - i < 4 ? end - i : 4;
+        const sphm_pack sums = sphm_lanes_sums(flow(n, weight, potential, i),
+                                               rows > 1 ? flow(n, weight, potential, i + 1) : none,
+                                               rows > 2 ? flow(n, weight, potential, i + 2) : none,
+                                               rows > 3 ? flow(n, weight, potential, i + 3) : none);
+        const sphm_real sum[4] = {sums.x, sums.y, sums.z, sums.w};
+        for (size_t r = 0; r < rows; ++r)
+            s->membrane_next[i + r] = potential[i + r] + step_ms * sum[r];
     }
 }
 
