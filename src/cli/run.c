@@ -16,6 +16,7 @@
 /* Everything a run has open. */
 typedef struct run {
     const sphm_run_options *options;
+    sphm_run_schedule *schedule;
     sphm_context context;
     sphm_muscle *muscle;
     sphm_timeseries *series;
@@ -131,13 +132,18 @@ static sphm_status write_sample(run *r, double real_time_factor) {
 /* The run
  * --------------------------------------------------------------------------------------------------*/
 
-/* Advances to start + time_s; a rest that is rounding only is none. */
+/* Advances to start + time_s, stopping where the schedule says that something happens; a rest that is
+ * rounding only is none. */
 static sphm_status advance_to(run *r, double time_s, double *real_time_factor) {
-    double left_s = r->start_s + time_s - sphm_muscle_time(r->muscle);
+    double end_s = r->start_s + time_s, left_s = end_s - sphm_muscle_time(r->muscle);
     double before = sphm_cli_now();
-    sphm_status status = SPHM_OK;
-    if (left_s > 1e-9 * r->options->every_s)
-        status = sphm_muscle_advance(r->muscle, left_s, &r->context);
+    sphm_status status = sphm_run_schedule_apply(r->schedule, r->muscle, &r->context);
+    while (status == SPHM_OK && end_s - sphm_muscle_time(r->muscle) > 1e-9 * r->options->every_s) {
+        double until_s = fmin(end_s, sphm_run_schedule_next(r->schedule));
+        status = sphm_muscle_advance(r->muscle, until_s - sphm_muscle_time(r->muscle), &r->context);
+        if (status == SPHM_OK)
+            status = sphm_run_schedule_apply(r->schedule, r->muscle, &r->context);
+    }
     double wall_s = sphm_cli_now() - before;
     r->wall_s += wall_s;
     *real_time_factor = wall_s > 0 ? left_s / wall_s : 0;
@@ -148,6 +154,7 @@ static sphm_status simulate(run *r) {
     const sphm_run_options *o = r->options;
     /* Sample k is at k * every, not at a sum of k times every; the last one is at the end. */
     size_t count = (size_t)ceil(o->duration_s / o->every_s - 1e-9);
+    sphm_run_schedule_begin(r->schedule, r->start_s);
     sphm_progress progress = sphm_progress_begin(o->duration_s, o->quiet);
     sphm_status status = write_sample(r, 0);
     for (size_t k = 1; k <= count && status == SPHM_OK && !interrupted; k++) {
@@ -199,6 +206,7 @@ int main(int argc, char **argv) {
         run r;
         memset(&r, 0, sizeof r);
         r.options = options;
+        r.schedule = &options->schedule;
         r.context = sphm_cli_context(options->quiet);
         sphm_status status = run_all(&r);
         exit_code = sphm_cli_exit_code(status, &r.context);

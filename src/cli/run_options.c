@@ -31,6 +31,20 @@ static const char help[] =
     "                             the parameter electrode); with RATE_HZ a train of pulses of\n"
     "                             PULSE_S seconds; may be repeated, adds to the parameter stimulus\n"
     "\n"
+    "What happens to a solid muscle (tissue: solid; END is origin or insertion; times in s):\n"
+    "      --activate START:END:VALUE\n"
+    "                             command the activation, 0 ... 1, past the electrophysiology\n"
+    "      --move END:DX,DY,DZ@START:END\n"
+    "                             bring an end to DX, DY, DZ (m) from its rest place, and hold it\n"
+    "      --end-motion FILE      moves from a CSV file: time_s,end,dx_m,dy_m,dz_m\n"
+    "      --load END:FX,FY,FZ[@START:END]\n"
+    "                             hang a constant force (N) on an end, which moves and turns freely\n"
+    "      --slide END:FORCE[@START:END]\n"
+    "                             let an end slide along the line of action, pulled by FORCE (N)\n"
+    "      --release END[@START:END]\n"
+    "                             let go of an end; after END it is held where it then is\n"
+    "                             (all may be repeated)\n"
+    "\n"
     "What is written:\n"
     "  -o, --out DIR              folder of the results, made if need be\n"
     "  -e, --every S              simulated seconds between samples (default 0.02)\n"
@@ -53,7 +67,16 @@ static const char help[] =
     "  sph_muscle_run --duration 2 --out results --stimulate 0.5:1.5:8000\n"
     "  sph_muscle_run --config config/paper.yaml --set particles=2231 --duration 1 --out paper --vtk\n";
 
-enum { OPTION_RESTORE = 256, OPTION_SNAPSHOT };
+enum {
+    OPTION_RESTORE = 256,
+    OPTION_SNAPSHOT,
+    OPTION_ACTIVATE,
+    OPTION_MOVE,
+    OPTION_END_MOTION,
+    OPTION_LOAD,
+    OPTION_SLIDE,
+    OPTION_RELEASE
+};
 
 static const struct option long_options[] = {
     {"config", required_argument, NULL, 'c'},
@@ -62,6 +85,12 @@ static const struct option long_options[] = {
     {"restore", required_argument, NULL, OPTION_RESTORE},
     {"duration", required_argument, NULL, 'd'},
     {"stimulate", required_argument, NULL, 'i'},
+    {"activate", required_argument, NULL, OPTION_ACTIVATE},
+    {"move", required_argument, NULL, OPTION_MOVE},
+    {"end-motion", required_argument, NULL, OPTION_END_MOTION},
+    {"load", required_argument, NULL, OPTION_LOAD},
+    {"slide", required_argument, NULL, OPTION_SLIDE},
+    {"release", required_argument, NULL, OPTION_RELEASE},
     {"out", required_argument, NULL, 'o'},
     {"every", required_argument, NULL, 'e'},
     {"vtk", no_argument, NULL, 'v'},
@@ -72,6 +101,13 @@ static const struct option long_options[] = {
     {NULL, 0, NULL, 0},
 };
 static const char short_options[] = "c:s:pd:i:o:e:vqhV";
+
+static int schedule(sphm_run_options *o, const char *option, int *exit_code) {
+    sphm_context context = sphm_cli_context(1);
+    const sphm_status status = sphm_run_schedule_add(&o->schedule, option, optarg, &context);
+    *exit_code = status == SPHM_OK ? SPHM_EXIT_DONE : sphm_cli_exit_code(status, &context);
+    return status == SPHM_OK;
+}
 
 /* One option that is not about parameters. Returns 1 to go on. */
 static int take_option(int option, sphm_run_options *o, int *exit_code) {
@@ -106,6 +142,18 @@ static int take_option(int option, sphm_run_options *o, int *exit_code) {
         *exit_code = SPHM_EXIT_BAD_INPUT;
         return option == 'd' ? sphm_cli_positive("--duration", optarg, 0, &o->duration_s)
                              : sphm_cli_positive("--every", optarg, 0, &o->every_s);
+    case OPTION_ACTIVATE:
+        return schedule(o, "--activate", exit_code);
+    case OPTION_MOVE:
+        return schedule(o, "--move", exit_code);
+    case OPTION_END_MOTION:
+        return schedule(o, "--end-motion", exit_code);
+    case OPTION_LOAD:
+        return schedule(o, "--load", exit_code);
+    case OPTION_SLIDE:
+        return schedule(o, "--slide", exit_code);
+    case OPTION_RELEASE:
+        return schedule(o, "--release", exit_code);
     case 'c':
     case 's':
     case 'i':
@@ -189,6 +237,10 @@ int sphm_run_options_parse(int argc, char **argv, sphm_run_options *o, int *exit
         return 0;
     sphm_context context = sphm_cli_context(1);
     sphm_status status = take_parameters(argc, argv, o, &context);
+    if (status == SPHM_OK && o->schedule.count && o->parameters.tissue != SPHM_TISSUE_SOLID)
+        status = sphm_fail(&context, SPHM_REFUSED_ARGUMENT,
+                           "--activate, --move, --end-motion, --load, --slide and --release need tissue: "
+                           "solid (--set tissue=solid)");
     *exit_code = status == SPHM_OK ? SPHM_EXIT_DONE : sphm_cli_exit_code(status, &context);
     return status == SPHM_OK;
 }

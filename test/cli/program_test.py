@@ -85,6 +85,29 @@ class Help(Case):
             self.assertEqual(len(re.findall(r"(?<!\\)\|", row)), 6, row)
 
 
+class Ends(Case):
+    SOLID = SMALL + ["--set", "tissue=solid", "--set", "mass_scaling=9", "--quiet"]
+
+    def test_motion_and_activation(self):
+        motion = self.write("motion.csv", "time_s,end,dx_m,dy_m,dz_m\n0.02,insertion,0.004,0,0\n0.04,insertion,0,0,0\n")
+        self.go(*self.SOLID, "--duration", "0.06", "--every", "0.02", "--out", self.path("out"), "--end-motion", motion,
+                "--activate", "0.03:0.06:0.5")
+        rows = self.samples()
+        distance = [float(row["attachment_distance_m"]) for row in rows]
+        self.assertAlmostEqual(distance[1] - distance[0], 0.004, 9)
+        self.assertAlmostEqual(distance[2], distance[0], 9)
+        self.assertEqual(float(rows[1]["activation"]), 0)
+        self.assertGreater(float(rows[3]["force_active_N"]), 10)
+
+    def test_load_and_hold(self):
+        self.go(*self.SOLID, "--duration", "0.06", "--every", "0.02", "--out", self.path("out"),
+                "--load", "insertion:5,0,0@0:0.04", "--move", "origin:-0.001,0,0@0.02:0.04")
+        distance = [float(row["attachment_distance_m"]) for row in self.samples()]
+        self.assertGreater(distance[1], distance[0] + 1e-4)
+        self.assertGreater(distance[2], distance[1] + 5e-4)
+        self.assertLess(abs(distance[3] - distance[2]), 1e-3)
+
+
 class BadInput(Case):
     def test_command_line(self):
         for arguments, part in ([], "--duration S is missing"), (["--duration", "1"], "--out DIR is missing"):
@@ -127,6 +150,19 @@ class BadInput(Case):
                 self.refused(*SMALL, "--stimulate", entry, says=[entry.split(":")[-1]])
         self.refused(*SMALL, "--stimulate", "", says=["--stimulate", "START:END:CURRENT"])
         self.refused(*SMALL, "--stimulate", "0:1:1;" * 300, says=["--stimulate", "1023"])
+
+    def test_schedules_of_ends(self):
+        solid = SMALL + ["--set", "tissue=solid"]
+        for option, text, part in (("--activate", "0:1:2", "0 ... 1"), ("--activate", "1:0:1", "START < END"),
+                                   ("--load", "insertion:1,2", "FX,FY,FZ"), ("--load", "nose:1,2,3", "origin"),
+                                   ("--load", "insertion:1,2,nan", "FX,FY,FZ"), ("--slide", "origin:a", "FORCE"),
+                                   ("--move", "insertion:0,0,0", "@START:END"), ("--release", "insertion@2:1", "START"),
+                                   ("--end-motion", self.path("no.csv"), "no.csv"),
+                                   ("--end-motion", self.write("bad.csv", "1,insertion,0,0\n"), "line 1"),
+                                   ("--end-motion", self.write("back.csv", "1,origin,0,0,0\n1,origin,0,0,0\n"), "line 2")):
+            with self.subTest(text):
+                self.refused(*solid, option, text, says=[option, part])
+        self.refused(*SMALL, "--activate", "0:1:0.5", says=["tissue: solid"])
 
     def test_files(self):
         self.refused("--restore", self.path("no.snapshot"), *SMALL, says=["no.snapshot"])
