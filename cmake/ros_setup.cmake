@@ -53,8 +53,8 @@ endif()
 
 if(SPH_MUSCLE_WITH_ROS)
   message(STATUS "sph_muscle: with the ROS node")
-  add_message_files(FILES ExternalForce.msg MuscleState.msg StimulusCommand.msg)
-  add_service_files(FILES Snapshot.srv Step.srv)
+  add_message_files(FILES EndLoad.msg ExternalForce.msg MuscleState.msg StimulusCommand.msg)
+  add_service_files(FILES End.srv Snapshot.srv Step.srv)
   generate_messages(DEPENDENCIES geometry_msgs std_msgs)
   catkin_package(
     INCLUDE_DIRS include

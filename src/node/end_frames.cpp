@@ -102,6 +102,13 @@ void EndFrames::follow(sphm_muscle *muscle, double tick_s, const ros::Time &now)
         targets[static_cast<std::size_t>(e)] = end.commanded ? end.target : end_now(muscle, e);
         tf2::Transform frame;
         ros::Time stamp;
+        end.let_go = sphm_muscle_end_condition(muscle, e, nullptr) != SPHM_END_HELD;
+        if (end.let_go) {
+            end.commanded = false;
+            end.problem.clear();
+            targets[static_cast<std::size_t>(e)] = end_now(muscle, e);
+            continue;
+        }
         if (end.frame.empty() || !look_up(&end, now, &frame, &stamp))
             continue;
         if (!end.captured)
@@ -118,7 +125,7 @@ void EndFrames::follow(sphm_muscle *muscle, double tick_s, const ros::Time &now)
         orient_along_line(muscle, &targets);
     for (int e = 0; e < SPHM_END_COUNT; ++e) {
         const auto at = static_cast<std::size_t>(e);
-        if (seen[at] || (along_line_ && ends_[at].frame.empty()))
+        if (seen[at] || (along_line_ && ends_[at].frame.empty() && !ends_[at].let_go))
             send(muscle, e, targets[at], tick_s);
     }
 }

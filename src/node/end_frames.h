@@ -33,10 +33,16 @@ class EndFrames {
     // After a reset or a restored snapshot: places in the frames stay, motions start anew.
     void restart();
     // Forgets an end's place in its frame; it is taken over again from where the end is then.
-    void recapture(int end) { ends_[end].captured = false; }
+    void recapture(int end) {
+        ends_[static_cast<std::size_t>(end)].captured = ends_[static_cast<std::size_t>(end)].commanded =
+            false;
+    }
     // Does the end follow its frame? If it has one and does not, why.
     const std::string &frame(int end) const { return ends_[static_cast<std::size_t>(end)].frame; }
-    bool following(int end) const { return ends_[end].captured && ends_[end].problem.empty(); }
+    bool following(int end) const {
+        const End &e = ends_[static_cast<std::size_t>(end)];
+        return e.captured && !e.let_go && e.problem.empty();
+    }
     const std::string &problem(int end) const { return ends_[end].problem; }
 
     // Can the frames be had at `stamp`? From any thread.
@@ -58,6 +64,7 @@ class EndFrames {
         bool commanded = false;    // target and time below are of a pose the end was sent to
         tf2::Transform target;     // in the muscle's frame
         double commanded_s = 0;    // simulated time
+        bool let_go = false;       // carries a load, or nothing holds it: it follows again once it is held
         std::string problem;
     };
     bool look_up(End *end, const ros::Time &now, tf2::Transform *frame, ros::Time *stamp) const;

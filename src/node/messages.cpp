@@ -122,6 +122,12 @@ void fill_state(const sphm_observation &o, MuscleState *state) {
     state->kinetic_energy = o.kinetic_energy_J;
     state->speed_max = o.speed_max_m_per_s;
     state->nonfinite = o.nonfinite;
+    state->force = o.force_N;
+    state->force_active = o.force_active_N;
+    state->force_passive = o.force_passive_N;
+    state->force_damping = o.force_damping_N;
+    state->attachment_distance = o.attachment_distance_m;
+    state->normalised_fibre_length = o.normalised_fibre_length;
     for (std::size_t region = 0; region < 3; ++region) {
         state->membrane_potential_region_mv[region] = o.membrane_potential_region_mV[region];
         state->displacement_region[region] = o.displacement_region_m[region];

@@ -129,6 +129,10 @@ void MuscleNode::advertise_services() {
     services_ = {service_handle_.advertiseService("reset", &MuscleNode::reset, this),
                  service_handle_.advertiseService("pause", &MuscleNode::pause, this),
                  service_handle_.advertiseService("step", &MuscleNode::step, this)};
+    for (const auto &muscle : muscles_) {
+        for (const ros::ServiceServer &server : muscle->advertise_services(service_handle_))
+            services_.push_back(server);
+    }
     if (muscles_.size() == 1) {
         services_.push_back(
             service_handle_.advertiseService("save_snapshot", &MuscleNode::save_snapshot, this));

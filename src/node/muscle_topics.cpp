@@ -4,15 +4,29 @@
 
 #include "sph_muscle/io.h"
 
+#include <cstdio>
+
 namespace sph_muscle {
 namespace {
 
 constexpr auto warning_period = std::chrono::seconds(2);
+constexpr double attaching_s = 0.02; // simulated time in which an end that is attached comes to rest
 constexpr auto markers_period = std::chrono::milliseconds(100);
 
 sphm_context quiet_context() {
     sphm_context context{};
     return context;
+}
+
+// The end a message names; -1: none is called that.
+int end_named(const std::string &name) {
+    return name == "origin" ? SPHM_END_ORIGIN : name == "insertion" ? SPHM_END_INSERTION : -1;
+}
+
+sphm_status refuse_end(const std::string &name, sphm_context *context) {
+    std::snprintf(context->message, sizeof context->message,
+                  "there is no end '%.60s'; there are origin and insertion", name.c_str());
+    return SPHM_REFUSED_ARGUMENT;
 }
 
 ros::NodeHandle handle_of(const std::string &name) {
@@ -89,6 +103,15 @@ void MuscleTopics::subscribe() {
         handle_.subscribe("external_force", 100, &MuscleTopics::on_external_force, this, prompt);
     activation_command_ =
         handle_.subscribe("activation_command", 100, &MuscleTopics::on_activation_command, this, prompt);
+    load_ = handle_.subscribe("load", 100, &MuscleTopics::on_load, this, prompt);
+}
+
+std::vector<ros::ServiceServer> MuscleTopics::advertise_services(const ros::NodeHandle &queued) {
+    if (parameters_.tissue != SPHM_TISSUE_SOLID)
+        return {};
+    ros::NodeHandle handle(queued, name_);
+    return {handle.advertiseService("attach", &MuscleTopics::attach, this),
+            handle.advertiseService("release", &MuscleTopics::release, this)};
 }
 
 // Topics in -----------------------------------------------------------------------------------------------
@@ -121,6 +144,18 @@ void MuscleTopics::on_activation_command(const std_msgs::Float64 &message) {
     });
 }
 
+void MuscleTopics::on_load(const EndLoad &message) {
+    queue("load", [message](sphm_muscle *muscle, sphm_context *context) {
+        const int end = end_named(message.end);
+        if (end < 0)
+            return refuse_end(message.end, context);
+        if (message.slide)
+            return sphm_muscle_slide_end(muscle, end, message.pull, context);
+        const double force_N[3] = {message.force.x, message.force.y, message.force.z};
+        return sphm_muscle_set_end_load(muscle, end, force_N, context);
+    });
+}
+
 void MuscleTopics::queue(const char *topic, const Attempt &attempt) {
     const std::string name = handle_.resolveName(topic);
     const bool queued = simulation_->post([this, name, attempt] {
@@ -140,6 +175,43 @@ void MuscleTopics::warn(const std::string &what, const std::string &text) {
         return;
     warned_[what] = now;
     ROS_WARN("%s: %s", what.c_str(), text.c_str());
+}
+
+// Services ------------------------------------------------------------------------------------------------
+
+bool MuscleTopics::call(const End::Request &request, End::Response *response, const char *done,
+                        const EndAttempt &attempt) {
+    sphm_context context = quiet_context();
+    const int end = end_named(request.end);
+    sphm_status status = end < 0 ? refuse_end(request.end, &context) : SPHM_OK;
+    if (status == SPHM_OK && !simulation_->call([&] { status = attempt(muscle(), end, &context); })) {
+        response->message = "the node is busy or shutting down; nothing was done";
+        return true;
+    }
+    response->success = status == SPHM_OK;
+    response->message = response->success ? done : context.message;
+    return true;
+}
+
+bool MuscleTopics::attach(End::Request &request, End::Response &response) {
+    return call(request, &response, "held where it is",
+                [this](sphm_muscle *muscle, int end, sphm_context *context) {
+                    sphm_end_pose here{};
+                    sphm_status status = sphm_muscle_end_pose(muscle, end, &here, context);
+                    for (int d = 0; d < 3; ++d) // it comes to rest
+                        here.velocity_m_per_s[d] = here.angular_velocity_rad_per_s[d] = 0;
+                    if (status == SPHM_OK)
+                        status = sphm_muscle_set_end_pose(muscle, end, &here, attaching_s, context);
+                    if (status == SPHM_OK)
+                        ends_.recapture(end);
+                    return status;
+                });
+}
+
+bool MuscleTopics::release(End::Request &request, End::Response &response) {
+    return call(request, &response, "free", [](sphm_muscle *muscle, int end, sphm_context *context) {
+        return sphm_muscle_release_end(muscle, end, context);
+    });
 }
 
 // tf ------------------------------------------------------------------------------------------------------
@@ -216,6 +288,11 @@ void MuscleTopics::publish(const ros::Time &stamp, bool all) {
         publish_surface(header);
 }
 
+uint8_t MuscleTopics::condition(int end) const {
+    const int condition = sphm_muscle_end_condition(muscle(), end, nullptr);
+    return condition < 0 ? 0 : static_cast<uint8_t>(condition); // the fluid's ends are held
+}
+
 bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
     sphm_observation observation{};
     sphm_context context = quiet_context();
@@ -229,6 +306,9 @@ bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
     state->paused = simulation_->paused();
     state->origin_following = ends_.following(SPHM_END_ORIGIN);
     state->insertion_following = ends_.following(SPHM_END_INSERTION);
+    state->origin_condition = condition(SPHM_END_ORIGIN);
+    state->insertion_condition = condition(SPHM_END_INSERTION);
+    state->mass_scaling = parameters_.mass_scaling;
     state->failed = simulation_->failed();
     state->real_time_factor = simulation_->real_time_factor();
     state->steps = sphm_muscle_steps(muscle());

@@ -9,6 +9,8 @@
 
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
+#include <sph_muscle/End.h>
+#include <sph_muscle/EndLoad.h>
 #include <sph_muscle/ExternalForce.h>
 #include <sph_muscle/StimulusCommand.h>
 #include <std_msgs/Float64.h>
@@ -36,6 +38,8 @@ class MuscleTopics {
     Simulation::Member hand_over();
     // Advertises and subscribes. `simulation` must outlive the object's last callback.
     void connect(Simulation *simulation, std::size_t index);
+    // The services that wait for the simulation; `handle` carries the queue they are called from.
+    std::vector<ros::ServiceServer> advertise_services(const ros::NodeHandle &handle);
 
     bool follows_frames() const { return ends_.any(); }
     bool frames_known_at(const ros::Time &stamp, std::string *why) const; // from any thread
@@ -62,13 +66,21 @@ class MuscleTopics {
     void on_stimulus_command(const StimulusCommand &message);
     void on_external_force(const ExternalForce &message);
     void on_activation_command(const std_msgs::Float64 &message);
+    void on_load(const EndLoad &message);
     using Attempt = std::function<sphm_status(sphm_muscle *, sphm_context *)>;
     void queue(const char *topic, const Attempt &attempt);
+
+    bool attach(End::Request &request, End::Response &response);
+    bool release(End::Request &request, End::Response &response);
+    using EndAttempt = std::function<sphm_status(sphm_muscle *, int end, sphm_context *)>;
+    bool call(const End::Request &request, End::Response *response, const char *done,
+              const EndAttempt &attempt);
 
     // On the simulation's thread.
     sphm_muscle *muscle() const { return simulation_->muscle(index_); }
     void warn(const std::string &what, const std::string &text);
     void publish_surface(const std_msgs::Header &header);
+    uint8_t condition(int end) const; // MuscleState::HELD, ...
     bool observe(const std_msgs::Header &header, MuscleState *state);
 
     std::string name_;
@@ -83,7 +95,7 @@ class MuscleTopics {
 
     ros::Publisher particles_, surface_, markers_, state_;
     ros::Publisher wrenches_[SPHM_END_COUNT]; // of the solid; the fluid has no force to tell
-    ros::Subscriber stimulus_, stimulus_command_, external_force_, activation_command_;
+    ros::Subscriber stimulus_, stimulus_command_, external_force_, activation_command_, load_;
     std::map<std::string, WallTime> warned_; // by what it was about; the simulation's thread only
     ColourRange colours_;
     WallTime markers_published_;
