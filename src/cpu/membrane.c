@@ -10,44 +10,16 @@
  * and catches up in the middle of a step. How much is due is part of the state. What is seen between lacks
  * the diffusion of less than one sub-step, an error of the same order as the splitting's. */
 #include "cpu/membrane.h"
+#include "core/membrane_schedule.h"
 #include "cpu/parallel.h"
 #include "cpu/row.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Share of the stable step of the diffusion that is used: at the very limit the shortest wave is undamped. */
-static const double diffusion_share = 0.9;
-
-/* What each combination of electrodes does to a particle that belongs to them. */
-enum { MASKS = 1 << SPHM_ELECTRODE_COUNT };
-typedef struct drive_table {
-    int anything;
-    sphm_real current[MASKS], lower[MASKS], upper[MASKS];
-} drive_table;
-
-static drive_table tabulate(const sphm_membrane_constants *c, const sphm_drive *drive) {
-    drive_table table;
-    table.anything = 0;
-    for (int mask = 0; mask < MASKS; mask++) {
-        double current = 0;
-        int driven = 0;
-        for (int e = 0; e < SPHM_ELECTRODE_COUNT; e++)
-            if ((mask >> e & 1) && drive->driven[e]) {
-                current += drive->current_uA_per_mm2[e];
-                driven = 1;
-            }
-        table.anything |= driven;
-        table.current[mask] = (sphm_real)current;
-        table.lower[mask] = driven ? c->resting_mV - SPHM_ELECTRODE_UNDERSHOOT_MV : -(sphm_real)INFINITY;
-        table.upper[mask] = driven ? c->plateau_mV : (sphm_real)INFINITY;
-    }
-    return table;
-}
-
 /* Cell model over step_ms for the slots begin ... end: `from` and recovery -> membrane_potential, recovery.
  */
-static void react(sphm_state *s, const sphm_membrane_constants *constants, const drive_table *table,
+static void react(sphm_state *s, const sphm_membrane_constants *constants, const sphm_membrane_table *table,
                   const sphm_real *from, sphm_real step_ms, size_t begin, size_t end) {
     const sphm_membrane_constants c = *constants;
     sphm_real *potential = s->membrane_potential, *recovery = s->recovery;
@@ -68,7 +40,7 @@ static void react(sphm_state *s, const sphm_membrane_constants *constants, const
     }
 #pragma omp simd
     for (size_t i = begin; i < end; i++) {
-        const int mask = electrodes[i] & (MASKS - 1);
+        const int mask = electrodes[i] & (SPHM_ELECTRODE_MASKS - 1);
         sphm_membrane_drive drive;
         drive.current_uA_per_mm2 = table->current[mask];
         drive.lower_mV = table->lower[mask];
@@ -124,25 +96,13 @@ static void filter_activation(sphm_state *s, const sphm_membrane_constants *cons
             sphm_activation_filter(activation[i], sphm_activation_target(&c, potential[i]), rise, fall);
 }
 
-/* The longest sub-step. */
-static double longest_step_ms(const sphm_membrane_constants *c, const sphm_diffusion *diffusion) {
-    return fmin((double)c->reaction_step_ms, diffusion_share * diffusion->stable_step_ms);
-}
-
-/* Whether the diffusion over due_ms, to be taken in the next step, will still be one sub-step. */
-static int can_wait(const sphm_membrane_constants *c, const sphm_diffusion *diffusion, double due_ms) {
-    return due_ms <= longest_step_ms(c, diffusion) * (1 + 1e-6);
-}
-
 size_t sphm_membrane_substeps(const sphm_membrane_constants *constants, const sphm_diffusion *diffusion,
                               double step_ms) {
-    /* A step that is the longest one but for rounding is one sub-step, not two. */
-    const double substeps = ceil(step_ms / longest_step_ms(constants, diffusion) - 1e-6);
-    return substeps > 1 ? (size_t)substeps : 1;
+    return sphm_membrane_count_substeps(constants, diffusion->stable_step_ms, step_ms);
 }
 
 /* One cell sweep over all particles; the last one of a step also filters the activation over step_ms. */
-static void react_all(sphm_state *s, const sphm_membrane_constants *c, const drive_table *table,
+static void react_all(sphm_state *s, const sphm_membrane_constants *c, const sphm_membrane_table *table,
                       const sphm_real *from, double reaction_ms, double step_ms, int last, int threads) {
 #ifndef _OPENMP
     (void)threads;
@@ -170,12 +130,11 @@ void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours
                             const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
                             const sphm_drive *drive, double step_s, int threads, sphm_timing *timing) {
     const double step_ms = step_s * 1e3;
-    const double due_ms = state->diffusion_due_s * 1e3 + step_ms;
-    const size_t substeps = can_wait(constants, diffusion, due_ms + step_ms)
-                                ? 0
-                                : sphm_membrane_substeps(constants, diffusion, due_ms);
-    const double dt = step_ms / (double)(substeps ? substeps : 1);
-    const drive_table table = tabulate(constants, drive);
+    const sphm_membrane_schedule schedule =
+        sphm_membrane_schedule_step(constants, diffusion->stable_step_ms, state->diffusion_due_s, step_s);
+    const size_t substeps = schedule.substeps;
+    const double dt = schedule.reaction_ms;
+    const sphm_membrane_table table = sphm_membrane_tabulate(constants, drive);
     double before = sphm_wall_clock_s(), cell_s = 0, diffusion_s = 0;
 
     const sphm_real *from = state->membrane_potential;
@@ -187,12 +146,12 @@ void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours
         cell_s += between - before;
         if (last)
             break;
-        diffuse_all(state, neighbours, diffusion, due_ms / (double)substeps, threads);
+        diffuse_all(state, neighbours, diffusion, schedule.diffusion_ms, threads);
         from = state->membrane_next;
         before = sphm_wall_clock_s();
         diffusion_s += before - between;
     }
-    state->diffusion_due_s = substeps ? 0 : state->diffusion_due_s + step_s;
+    state->diffusion_due_s = schedule.due_s;
     if (timing) {
         timing->cell_model_s += cell_s;
         timing->diffusion_s += diffusion_s;
