@@ -104,21 +104,41 @@ static sphm_status find_slots(const sphm_state *from, int32_t *slots, sphm_conte
     return SPHM_OK;
 }
 
-sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_t *slots,
-                                  sphm_context *context) {
+/* Everything but the REST and SCRATCH arrays, into the slots of `to` as they are. */
+static void load(const sphm_state *from, sphm_state *to, const int32_t *slots) {
     enum { STATE = 1, REST = 0, SCRATCH = 0 };
-    if (from->count != to->count)
-        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "the state has %zu particles; the muscle has %zu",
-                         from->count, to->count);
-    const sphm_status status = find_slots(from, slots, context);
-    if (status != SPHM_OK)
-        return status;
     sphm_state_copy_scalars(from, to);
 #define ARRAY(type, name, role, unit, meaning)                                                               \
     if (role)                                                                                                \
-        for (size_t id = 0; id < to->count; ++id)                                                            \
-            to->name[id] = from->name[slots[id]];
+        for (size_t slot = 0; slot < to->count; ++slot)                                                      \
+            to->name[slot] = from->name[slots[to->id[slot]]];
 #include "core/state_arrays.inc"
 #undef ARRAY
+}
+
+static sphm_status prepare_load(const sphm_state *from, const sphm_state *to, int32_t *slots,
+                                sphm_context *context) {
+    if (from->count != to->count)
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "the state has %zu particles; the muscle has %zu",
+                         from->count, to->count);
+    return find_slots(from, slots, context);
+}
+
+sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_t *slots,
+                                  sphm_context *context) {
+    const sphm_status status = prepare_load(from, to, slots, context);
+    if (status != SPHM_OK)
+        return status;
+    for (size_t id = 0; id < to->count; ++id)
+        to->id[id] = (int32_t)id;
+    load(from, to, slots);
     return SPHM_OK;
+}
+
+sphm_status sphm_state_load_in_slots(const sphm_state *from, sphm_state *to, int32_t *slots,
+                                     sphm_context *context) {
+    const sphm_status status = prepare_load(from, to, slots, context);
+    if (status == SPHM_OK)
+        load(from, to, slots);
+    return status;
 }

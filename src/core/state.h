@@ -41,6 +41,9 @@ void sphm_state_permute(sphm_state *state, const int32_t *order, void *scratch);
  * scratch of count elements. */
 sphm_status sphm_state_load_by_id(const sphm_state *from, sphm_state *to, int32_t *slots,
                                   sphm_context *context);
+/* The same into the slots of `to` as they are. */
+sphm_status sphm_state_load_in_slots(const sphm_state *from, sphm_state *to, int32_t *slots,
+                                     sphm_context *context);
 /* FNV-1a of the time, of diffusion_due_s, of the ends and of every STATE array by particle id, as
  * little-endian bytes (snapshot.c); 0 without memory. */
 uint64_t sphm_state_hash(const sphm_state *state);
