@@ -23,6 +23,7 @@ static const char help[] =
     "  -t, --threads N          0 is all there are (default 0)\n"
     "  -N, --steps N            timed steps of a repetition (default 200)\n"
     "  -w, --warm-up N          steps before them (default a tenth, at least 10)\n"
+    "  -b, --batch N            steps of a call, which a GPU takes without the host (default 1)\n"
     "  -r, --repeat R           repetitions (default 5)\n"
     "  -c, --config FILE        YAML file of parameters\n"
     "  -s, --set NAME=VALUE     any other parameter; may be repeated\n"
@@ -52,6 +53,7 @@ static const struct option long_options[] = {
     {"threads", required_argument, NULL, 't'},
     {"steps", required_argument, NULL, 'N'},
     {"warm-up", required_argument, NULL, 'w'},
+    {"batch", required_argument, NULL, 'b'},
     {"repeat", required_argument, NULL, 'r'},
     {"config", required_argument, NULL, 'c'},
     {"set", required_argument, NULL, 's'},
@@ -86,6 +88,8 @@ static int take_option(int option, sphm_bench_options *o, int *exit_code) {
         return sphm_cli_count("--steps", optarg, 1, &o->steps);
     case 'w':
         return sphm_cli_count("--warm-up", optarg, 0, &o->warm_up);
+    case 'b':
+        return sphm_cli_count("--batch", optarg, 1, &o->batch);
     case 'r':
         return sphm_cli_count("--repeat", optarg, 1, &o->repeat);
     case 'h':
@@ -108,9 +112,10 @@ int sphm_bench_options_parse(int argc, char **argv, sphm_bench_options *o, int *
     memset(o, 0, sizeof *o);
     o->parameters = sphm_parameters_default();
     o->steps = 200;
+    o->batch = 1;
     o->repeat = 5;
     o->warm_up = SIZE_MAX;
-    for (int option; (option = getopt_long(argc, argv, "n:t:N:w:r:c:s:hV", long_options, NULL)) != -1;)
+    for (int option; (option = getopt_long(argc, argv, "n:t:N:w:b:r:c:s:hV", long_options, NULL)) != -1;)
         if (!take_option(option, o, exit_code))
             return 0;
     if (optind < argc) {

@@ -6,7 +6,7 @@
 
 typedef struct sphm_bench_options {
     sphm_parameters parameters;
-    size_t steps, repeat, warm_up;
+    size_t steps, batch, repeat, warm_up;
 } sphm_bench_options;
 
 /* Returns 1 to go on; 0 to end with *exit_code. */

@@ -33,6 +33,14 @@ typedef struct sphm_backend_ops {
     /* Wrench at an end (SPHM_END_...) that is driven so, in the present state. NULL where the tissue has
      * none. */
     void (*wrench)(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *wrench);
+    /* time_s, steps, diffusion_due_s and ends of the state, at no cost; its arrays may be those of an earlier
+     * view. */
+    const sphm_state *(*clock)(const sphm_backend *backend);
+    /* Most steps that step() is given at a time: the limits are looked at between. 1 on the CPU: the Courant
+     * limit follows the velocities, and a force may throw the particles anywhere within one step. Sixteen
+     * were tried: each further step on a scattered muscle took seconds, for particles that nearly coincide
+     * ask the diffusion for ten thousands of sub-steps. */
+    size_t steps_at_a_time;
 } sphm_backend_ops;
 
 /* The back ends that were built. src/core/choose_backend.h picks one. */
@@ -40,6 +48,7 @@ extern const sphm_backend_ops sphm_cpu_backend, sphm_cpu_solid_backend;
 #ifdef SPHM_WITH_CUDA
 /* SPHM_OK when a device answers; else SPHM_REFUSED_UNSUPPORTED and a message that says why none does. */
 sphm_status sphm_cuda_probe(sphm_context *context);
+const sphm_backend_ops *sphm_cuda_solid_backend(void);
 #endif
 
 #ifdef __cplusplus

@@ -13,10 +13,6 @@
 #include "core/electrodes.h"
 #include "core/observer.h"
 
-/* Steps between two looks at the limits: the Courant limit follows the velocities, and a force may throw the
- * particles anywhere within one step. Sixteen were tried: each further step on a scattered muscle took
- * seconds, for particles that nearly coincide ask the diffusion for ten thousands of sub-steps. */
-#define STEPS_PER_SUBMISSION 1
 /* A muscle so fast that the Courant limit is this share of the other limits (particles at some hundred m/s)
  * has blown up: steps would shrink until time no longer moves, and advance() would never come back. */
 #define RUNAWAY_SHARE 0.01
@@ -146,10 +142,10 @@ sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sp
 /* Time --------------------------------------------------------------------------------------------------- */
 
 double sphm_muscle_time(const sphm_muscle *muscle) {
-    return sphm_muscle_state(muscle)->time_s;
+    return muscle->ops->clock(muscle->backend)->time_s;
 }
 uint64_t sphm_muscle_steps(const sphm_muscle *muscle) {
-    return sphm_muscle_state(muscle)->steps;
+    return muscle->ops->clock(muscle->backend)->steps;
 }
 
 sphm_time_step_limits sphm_muscle_time_step_limits(const sphm_muscle *muscle) {
@@ -212,7 +208,8 @@ static sphm_status refuse_runaway(sphm_muscle *muscle, const sphm_time_step_limi
     return fail(muscle, SPHM_FAILED_NONFINITE, own.message);
 }
 
-/* Up to STEPS_PER_SUBMISSION equal steps towards `end`, which the drive does not change before. */
+/* Equal steps, as many as the back end takes at a time, towards `end`, which the drive does not change
+ * before. */
 static sphm_status submit(sphm_muscle *muscle, double end, const sphm_drive *drive, sphm_context *context) {
     const double left = end - sphm_muscle_time(muscle);
     const sphm_time_step_limits limits = muscle->ops->limits(muscle->backend);
@@ -221,8 +218,8 @@ static sphm_status submit(sphm_muscle *muscle, double end, const sphm_drive *dri
     warn_time_step(muscle, limits.smallest, context);
     const double steps = ceil(left / sphm_muscle_time_step(muscle) - 1e-9);
     const double step = left / (steps < 1 ? 1 : steps);
-    const size_t count =
-        steps < STEPS_PER_SUBMISSION ? (steps < 1 ? 1 : (size_t)steps) : STEPS_PER_SUBMISSION;
+    const size_t most = muscle->ops->steps_at_a_time;
+    const size_t count = steps < (double)most ? (steps < 1 ? 1 : (size_t)steps) : most;
     sphm_context own; /* the reason is kept even for a caller without a context */
     memset(&own, 0, sizeof own);
     sphm_context *used = context ? context : &own;
@@ -249,12 +246,14 @@ sphm_status sphm_muscle_advance(sphm_muscle *muscle, double duration_s, sphm_con
 }
 
 sphm_status sphm_muscle_step(sphm_muscle *muscle, size_t count, sphm_context *context) {
-    for (size_t k = 0; k < count; ++k) {
-        const sphm_status status = sphm_muscle_advance(muscle, sphm_muscle_time_step(muscle), context);
-        if (status != SPHM_OK)
-            return status;
+    const size_t most = muscle->ops->steps_at_a_time;
+    sphm_status status = SPHM_OK;
+    for (size_t done = 0; done < count && status == SPHM_OK;) {
+        const size_t steps = count - done < most ? count - done : most;
+        status = sphm_muscle_advance(muscle, (double)steps * sphm_muscle_time_step(muscle), context);
+        done += steps;
     }
-    return SPHM_OK;
+    return status;
 }
 
 /* Stimulus and forces ------------------------------------------------------------------------------------ */

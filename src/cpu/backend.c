@@ -200,6 +200,10 @@ static const sphm_state *view(sphm_backend *b) {
     return &b->state;
 }
 
+static const sphm_state *clock_of(const sphm_backend *b) {
+    return &b->state;
+}
+
 /* Puts the slots into the order of ids, loads, and builds the rows that belong to the loaded state. */
 static sphm_status restore(sphm_backend *b, const sphm_state *from, sphm_context *context) {
     sphm_state *s = &b->state;
@@ -260,5 +264,5 @@ static const char *device(const sphm_backend *b) {
     return b->device;
 }
 
-const sphm_backend_ops sphm_cpu_backend = {"cpu",  create, destroy,      step,   view, restore,
-                                           limits, timing, reset_timing, device, NULL};
+const sphm_backend_ops sphm_cpu_backend = {"cpu",  create,       destroy, step, view,     restore, limits,
+                                           timing, reset_timing, device,  NULL, clock_of, 1};

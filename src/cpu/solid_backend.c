@@ -350,6 +350,10 @@ static const sphm_state *view(sphm_backend *backend) {
     return &inside(backend)->state;
 }
 
+static const sphm_state *clock_of(const sphm_backend *backend) {
+    return &look_inside(backend)->state;
+}
+
 /* `from` in any slot order; the slots here stay as they are. */
 static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_context *context) {
     solid_backend *b = inside(backend);
@@ -498,5 +502,5 @@ static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, 
     put_tendon_between(b, drive, end, w);
 }
 
-const sphm_backend_ops sphm_cpu_solid_backend = {"cpu",  create, destroy,      step,   view,  restore,
-                                                 limits, timing, reset_timing, device, wrench};
+const sphm_backend_ops sphm_cpu_solid_backend = {
+    "cpu", create, destroy, step, view, restore, limits, timing, reset_timing, device, wrench, clock_of, 1};

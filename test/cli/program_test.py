@@ -312,7 +312,7 @@ class Run(Case):
 
 
 class Bench(Case):
-    KEYS = {"tissue", "backend", "device", "threads", "particles", "neighbours_per_particle", "steps_per_s",
+    KEYS = {"tissue", "backend", "batch", "device", "threads", "particles", "neighbours_per_particle", "steps_per_s",
             "particle_steps_per_s", "rtf", "stage_us", "step_us_median", "step_us_p99", "peak_memory_bytes",
             "memory_bytes_per_particle", "cpu_us_per_step", "cpu_us_per_step_least", "cpu_us_min", "step_us_min"}
     STAGES = {"neighbours", "intermediate_velocity", "density_pressure", "forces", "diffusion", "cell_model",
