@@ -125,3 +125,14 @@ void sphm_end_frame_state(const sphm_end_block *block, const sphm_end_drive *dri
         state->position_m[d] += direction * (block->tendon_slack_m + load / block->tendon_N_per_m);
     }
 }
+
+void sphm_end_put_tendon_between(const sphm_end_block *block, const sphm_end_drive *drive, double time_s,
+                                 const sphm_end_body *body, sphm_wrench *wrench) {
+    if (drive->condition != SPHM_END_HELD || !(block->tendon_N_per_m > 0))
+        return;
+    sphm_end_pull_of_bone(block, &drive->motion, time_s, body, wrench->force_N);
+    for (int d = 0; d < 3; ++d) {
+        wrench->force_N[d] = -wrench->force_N[d];
+        wrench->moment_Nm[d] = 0;
+    }
+}

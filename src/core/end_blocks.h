@@ -28,6 +28,9 @@ void sphm_end_block_state(const sphm_end_block *block, const sphm_end_body *body
  * A massless tendon that carries a load hangs in the line of it; a slack one is drawn straight out. */
 void sphm_end_frame_state(const sphm_end_block *block, const sphm_end_drive *drive, double time_s,
                           const sphm_end_body *body, sphm_end_state *state);
+/* With a tendon between, the bone feels the tendon: at its own point, so without a moment. */
+void sphm_end_put_tendon_between(const sphm_end_block *block, const sphm_end_drive *drive, double time_s,
+                                 const sphm_end_body *body, sphm_wrench *wrench);
 
 #ifdef __cplusplus
 }

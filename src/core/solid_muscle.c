@@ -65,7 +65,7 @@ static void set_condition(sphm_muscle *muscle, int end, int condition, const dou
 
 static void frame_now(const sphm_muscle *muscle, int end, sphm_end_state *now) {
     sphm_end_frame_state(&muscle->model.ends[end], &muscle->solid.ends[end], sphm_muscle_time(muscle),
-                         &sphm_muscle_state(muscle)->ends[end], now);
+                         &muscle->ops->clock(muscle->backend)->ends[end], now);
 }
 
 sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,

@@ -208,27 +208,15 @@ static void add_point_forces(solid_backend *b, const sphm_drive *drive) {
     }
 }
 
-/* Kick and drift of a free particle. */
-typedef struct mover {
-    sphm_real kick, keep, step, gravity[3];
-} mover;
-
-static mover mover_of(const solid_backend *b, double step_s) {
+static sphm_solid_mover mover_of(const solid_backend *b, double step_s) {
     const sphm_parameters *p = &b->model->parameters;
-    mover m;
+    sphm_solid_mover m;
     m.kick = (sphm_real)(step_s / b->inertia_kg);
     m.keep = (sphm_real)exp(-p->velocity_damping * step_s);
     m.step = (sphm_real)step_s;
     for (int d = 0; d < 3; ++d)
         m.gravity[d] = (sphm_real)(step_s * p->gravity[d] / p->mass_scaling);
     return m;
-}
-
-static void move(const mover *m, const sphm_real *force, sphm_real *motion) {
-    for (int d = 0; d < 3; ++d) {
-        motion[4 + d] = m->keep * motion[4 + d] + (m->kick * force[d] + m->gravity[d]);
-        motion[d] += m->step * motion[4 + d];
-    }
 }
 
 static void store(sphm_state *s, size_t i, const sphm_real *motion) {
@@ -243,36 +231,29 @@ static void store(sphm_state *s, size_t i, const sphm_real *motion) {
     s->vz[i] = motion[6];
 }
 
-static int is_finite(const sphm_real *motion) {
-    sphm_real sum = 0; /* of zeroes, unless one is not finite */
-    for (int d = 0; d < 7; ++d)
-        sum += motion[d] * 0;
-    return sum == 0;
-}
-
-static void integrate_block(solid_backend *b, const mover *m, const sphm_end_frame ends[SPHM_END_COUNT],
-                            size_t block) {
+static void integrate_block(solid_backend *b, const sphm_solid_mover *m,
+                            const sphm_end_frame ends[SPHM_END_COUNT], size_t block) {
     sphm_state *s = &b->state;
     int32_t bad = -1;
     for (size_t i = sphm_block_begin(block); i < sphm_block_end(block, s->count); ++i) {
         sphm_real *motion = b->lines.motion + SPHM_MOTION_LINE * i;
         if (s->attachment[i] == SPHM_FREE) {
-            move(m, b->lines.force + 4 * i, motion);
+            sphm_solid_move(m, b->lines.force + 4 * i, motion);
         } else {
             const double rest[3] = {(double)s->rest_x[i], (double)s->rest_y[i], (double)s->rest_z[i]};
-            sphm_solid_carry(
+            sphm_end_carry(
                 &ends[s->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION], rest,
                 motion);
         }
         store(s, i, motion);
-        if (bad < 0 && !is_finite(motion))
+        if (bad < 0 && !sphm_motion_is_finite(motion))
             bad = (int32_t)i;
     }
     b->block_nonfinite[block] = bad;
 }
 
 static void integrate(solid_backend *b, const sphm_drive *drive, double step_s) {
-    const mover m = mover_of(b, step_s);
+    const sphm_solid_mover m = mover_of(b, step_s);
     sphm_end_frame ends[SPHM_END_COUNT];
     for (int end = 0; end < SPHM_END_COUNT; ++end)
         ends[end] = sphm_solid_move_end(b->model, &b->state, b->lines.force, &drive->ends[end], end, step_s);
@@ -465,18 +446,6 @@ static void sweep_part(solid_backend *b, int with_activation, int with_damping) 
     sphm_solid_force_sweep(&field, &lines);
 }
 
-/* With a tendon between, the bone feels the tendon: at its own point, so without a moment. */
-static void put_tendon_between(const solid_backend *b, const sphm_end_drive *drive, int end, sphm_wrench *w) {
-    const sphm_end_block *block = &b->model->ends[end];
-    if (drive->condition != SPHM_END_HELD || !(block->tendon_N_per_m > 0))
-        return;
-    sphm_end_pull_of_bone(block, &drive->motion, b->state.time_s, &b->state.ends[end], w->force_N);
-    for (int d = 0; d < 3; ++d) {
-        w->force_N[d] = -w->force_N[d];
-        w->moment_Nm[d] = 0;
-    }
-}
-
 /* The stress is a sum, so the parts are differences of sweeps with and without. */
 static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *w) {
     solid_backend *b = inside(backend);
@@ -499,7 +468,7 @@ static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, 
         w->damping_N[d] = w->force_N[d] - elastic_N[d];
         w->damping_Nm[d] = w->moment_Nm[d] - elastic_Nm[d];
     }
-    put_tendon_between(b, drive, end, w);
+    sphm_end_put_tendon_between(&b->model->ends[end], drive, s->time_s, &s->ends[end], w);
 }
 
 const sphm_backend_ops sphm_cpu_solid_backend = {

@@ -49,25 +49,6 @@ static void move_block(const sphm_model *model, sphm_state *state, const sphm_re
         sphm_end_body_step(block, force_N, moment_Nm, pull_N, p->gravity, step_s, keep, body);
 }
 
-static sphm_end_frame frame_of(const sphm_model *model, const sphm_end_block *block,
-                               const sphm_end_body *body) {
-    const double *R = body->rotation;
-    double w[3];
-    sphm_end_frame f;
-    sphm_end_body_spin(block, R, body->momentum_Nms, w);
-    for (int d = 0; d < 3; ++d) {
-        f.centre[d] = block->centre_m[d] - model->frame_m[d];
-        f.shift[d] = body->shift_m[d];
-        f.velocity[d] = body->velocity_m_per_s[d];
-        const int e = (d + 1) % 3, g = (d + 2) % 3;
-        for (int c = 0; c < 3; ++c) {
-            f.turn_minus_one[3 * d + c] = R[3 * d + c] - (d == c);
-            f.spin_turn[3 * d + c] = w[e] * R[3 * g + c] - w[g] * R[3 * e + c];
-        }
-    }
-    return f;
-}
-
 sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, const sphm_real *force,
                                    const sphm_end_drive *drive, int end, double step_s) {
     const sphm_end_block *block = &model->ends[end];
@@ -77,17 +58,7 @@ sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, c
         else
             move_block(model, state, force, drive, end, step_s);
     }
-    return frame_of(model, block, &state->ends[end]);
-}
-
-void sphm_solid_carry(const sphm_end_frame *f, const double rest[3], sphm_real *motion) {
-    double arm[3], turned[3], spun[3];
-    for (int d = 0; d < 3; ++d)
-        arm[d] = rest[d] - f->centre[d];
-    sphm_multiply3(f->turn_minus_one, arm, turned);
-    sphm_multiply3(f->spin_turn, arm, spun);
-    for (int d = 0; d < 3; ++d) {
-        motion[d] = (sphm_real)(f->shift[d] + turned[d]);
-        motion[4 + d] = (sphm_real)(f->velocity[d] + spun[d]);
-    }
+    sphm_end_frame frame;
+    sphm_end_frame_of(block, &state->ends[end], model->frame_m, &frame);
+    return frame;
 }

@@ -5,24 +5,16 @@
 #include "core/drive.h"
 #include "core/model.h"
 #include "core/state.h"
+#include "kernels/solid_motion.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* What moves an attached particle: u = shift + (R - 1)(X - X_c), v = V + w x R (X - X_c), with single
- * precision left to the last operation. */
-typedef struct sphm_end_frame {
-    double shift[3], turn_minus_one[9], spin_turn[9], velocity[3], centre[3];
-} sphm_end_frame;
-
 /* Moves state->ends[end] by step_s from state->time_s; `force` ([4 * count], slot order) are the internal
  * and external forces on the particles now. */
 sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, const sphm_real *force,
                                    const sphm_end_drive *drive, int end, double step_s);
-/* motion: displacement, (unused), velocity, (unused) of the attached particle at `rest` (state positions). */
-void sphm_solid_carry(const sphm_end_frame *frame, const double rest[3], sphm_real *motion);
-
 /* Force on the particles attached at an end, and its moment about `pivot` (state positions). */
 void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end, const double pivot[3],
                         double force_N[3], double moment_Nm[3]);
