@@ -1,5 +1,5 @@
 /* Is there a device that this library can compute on? */
-#include <cuda_runtime.h>
+#include "cuda/runtime.h"
 
 #include "core/backend.h"
 #include "core/context.h"

@@ -20,6 +20,7 @@
 /* The same muscle without what does not change its isometric force, settled in few steps. */
 static sphm_parameters still(const sphm_parameters *parameters) {
     sphm_parameters p = *parameters;
+    p.backend = SPHM_BACKEND_CPU; /* the same stress whatever computes the muscle */
     p.max_isometric_force = 0;
     p.particles = p.particles < MOST_PARTICLES ? p.particles : MOST_PARTICLES;
     p.mass_scaling = 16;

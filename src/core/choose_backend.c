@@ -25,8 +25,7 @@ static sphm_status make_cpu(const sphm_model *model, sphm_chosen_backend *chosen
 
 /* NULL where the tissue has no CUDA back end. */
 static const sphm_backend_ops *cuda_ops(const sphm_parameters *parameters) {
-    (void)parameters;
-    return NULL;
+    return parameters->tissue == SPHM_TISSUE_SOLID ? sphm_cuda_solid_backend() : NULL;
 }
 
 static sphm_status probe(const sphm_parameters *parameters, sphm_context *context) {

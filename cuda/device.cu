@@ -1,0 +1,196 @@
+/* sphm_device_ops with CUDA's runtime: memory, copies, one stream, one graph. */
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "cuda/runtime.h"
+
+#include "core/backend.h"
+#include "cuda/check.h"
+#include "cuda/device.h"
+#include "cuda/solid_backend.h"
+#include "cuda/solid_launch.h"
+
+enum { MOST_ALLOCATIONS = 4 };
+
+struct sphm_device {
+    int index;
+    char name[128];
+    cudaStream_t stream;
+    cudaGraphExec_t graph; /* what was kept; null: nothing */
+    int memory_count, host_memory_count;
+    void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
+};
+
+namespace {
+
+#define TRY(call, what)                                                                                      \
+    do {                                                                                                     \
+        const sphm_status tried = sphm_cuda_check(call, what, context);                                      \
+        if (tried != SPHM_OK)                                                                                \
+            return tried;                                                                                    \
+    } while (0)
+
+/* Threads have their own idea of which device is meant: the node creates and steps in different ones. */
+sphm_status use(const sphm_device *device, sphm_context *context) {
+    return sphm_cuda_check(cudaSetDevice(device->index), "use the device", context);
+}
+
+void close(sphm_device *device) {
+    if (!device)
+        return;
+    /* What fails here has been reported already, and nothing can be done about it. */
+    (void)cudaSetDevice(device->index);
+    if (device->stream)
+        (void)cudaStreamSynchronize(device->stream);
+    if (device->graph)
+        (void)cudaGraphExecDestroy(device->graph);
+    for (int k = 0; k < device->memory_count; ++k)
+        (void)cudaFree(device->memory[k]);
+    for (int k = 0; k < device->host_memory_count; ++k)
+        (void)cudaFreeHost(device->host_memory[k]);
+    if (device->stream)
+        (void)cudaStreamDestroy(device->stream);
+    (void)cudaGetLastError();
+    free(device);
+}
+
+sphm_status prepare(sphm_device *device, sphm_context *context) {
+    cudaDeviceProp properties;
+    TRY(cudaGetDevice(&device->index), "say which device is current"); /* CUDA_VISIBLE_DEVICES chooses */
+    TRY(cudaGetDeviceProperties(&properties, device->index), "describe the device");
+    snprintf(device->name, sizeof device->name, "cuda: %.96s (sm_%d%d)", properties.name, properties.major,
+             properties.minor);
+    TRY(cudaSetDevice(device->index), "use the device");
+    /* Non-blocking: it does not wait for the default stream, which other code in the process may use. */
+    TRY(cudaStreamCreateWithFlags(&device->stream, cudaStreamNonBlocking), "make a stream");
+    return SPHM_OK;
+}
+
+sphm_status open(sphm_device **opened, sphm_context *context) {
+    *opened = NULL;
+    sphm_device *device = (sphm_device *)calloc(1, sizeof *device);
+    if (!device)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for a CUDA device");
+    const sphm_status status = prepare(device, context);
+    if (status != SPHM_OK) {
+        close(device);
+        return status;
+    }
+    *opened = device;
+    return SPHM_OK;
+}
+
+const char *name(const sphm_device *device) {
+    return device->name;
+}
+
+sphm_status allocate(sphm_device *device, size_t bytes, void **memory, sphm_context *context) {
+    size_t available = 0, total = 0;
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    if (device->memory_count == MOST_ALLOCATIONS)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "more than %d allocations", (int)MOST_ALLOCATIONS);
+    TRY(cudaMemGetInfo(&available, &total), "say how much memory is free");
+    const cudaError_t error = cudaMalloc(memory, bytes);
+    if (error == cudaErrorMemoryAllocation) {
+        (void)cudaGetLastError();
+        return sphm_fail(context, SPHM_REFUSED_MEMORY,
+                         "%s has %zu MiB of %zu MiB free, and %zu MiB are needed", device->name,
+                         available >> 20, total >> 20, (bytes >> 20) + 1);
+    }
+    TRY(error, "allocate memory");
+    device->memory[device->memory_count++] = *memory;
+    TRY(cudaMemsetAsync(*memory, 0, bytes, device->stream), "clear memory");
+    return SPHM_OK;
+}
+
+sphm_status allocate_host(sphm_device *device, size_t bytes, void **memory, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    if (device->host_memory_count == MOST_ALLOCATIONS)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "more than %d allocations", (int)MOST_ALLOCATIONS);
+    TRY(cudaHostAlloc(memory, bytes, cudaHostAllocDefault), "allocate page-locked memory");
+    device->host_memory[device->host_memory_count++] = *memory;
+    memset(*memory, 0, bytes);
+    return SPHM_OK;
+}
+
+sphm_status copy(sphm_device *device, void *to, const void *from, size_t bytes, cudaMemcpyKind kind,
+                 sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK || bytes == 0)
+        return status;
+    return sphm_cuda_check(cudaMemcpyAsync(to, from, bytes, kind, device->stream), "copy", context);
+}
+
+sphm_status upload(sphm_device *device, void *to, const void *from, size_t bytes, sphm_context *context) {
+    return copy(device, to, from, bytes, cudaMemcpyHostToDevice, context);
+}
+
+sphm_status download(sphm_device *device, void *to, const void *from, size_t bytes, sphm_context *context) {
+    return copy(device, to, from, bytes, cudaMemcpyDeviceToHost, context);
+}
+
+sphm_status launch(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
+                   sphm_context *context) {
+    const sphm_status status = use(device, context);
+    return status == SPHM_OK ? sphm_cuda_launch_solid(device->stream, solid, call, context) : status;
+}
+
+/* Thread-local: other threads' muscles may allocate meanwhile. */
+sphm_status record(sphm_device *device, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    return sphm_cuda_check(cudaStreamBeginCapture(device->stream, cudaStreamCaptureModeThreadLocal),
+                           "record launches", context);
+}
+
+sphm_status keep(sphm_device *device, sphm_context *context) {
+    cudaGraph_t graph = NULL;
+    TRY(cudaStreamEndCapture(device->stream, &graph), "keep the recorded launches");
+    if (device->graph)
+        (void)cudaGraphExecDestroy(device->graph);
+    device->graph = NULL;
+    /* cudaGraphInstantiate() has other arguments in CUDA 11 than from 12 on; this one does not change. */
+    const cudaError_t error = cudaGraphInstantiateWithFlags(&device->graph, graph, 0);
+    (void)cudaGraphDestroy(graph);
+    return sphm_cuda_check(error, "make a graph of the launches", context);
+}
+
+sphm_status play(sphm_device *device, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    return sphm_cuda_check(cudaGraphLaunch(device->graph, device->stream), "launch the graph", context);
+}
+
+sphm_status wait(sphm_device *device, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    return sphm_cuda_check(cudaStreamSynchronize(device->stream), "finish what it was given", context);
+}
+
+const sphm_device_ops device_ops = {open,     close,  name,   allocate, allocate_host, upload,
+                                    download, launch, record, keep,     play,          wait};
+
+sphm_status create_solid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
+    return sphm_device_solid_create(&device_ops, model, backend, context);
+}
+
+sphm_backend_ops make_solid_backend() {
+    sphm_backend_ops ops = sphm_device_solid_backend;
+    ops.create = create_solid;
+    return ops;
+}
+
+} // namespace
+
+extern "C" const sphm_backend_ops *sphm_cuda_solid_backend(void) {
+    static const sphm_backend_ops ops = make_solid_backend();
+    return &ops;
+}

@@ -1,0 +1,50 @@
+/* What the back end asks of a device. cuda/device.cu answers with CUDA's runtime; the tests answer on the
+ * host, with the same threads in a loop, so that everything but device.cu and the launches can be tested
+ * without a GPU.
+ *
+ * A device belongs to one back end and has one stream: what is asked for is done in that order, and later.
+ * All fallible functions leave a message that says what failed; after a SPHM_FAILED_BACKEND nothing works any
+ * more but close(). */
+#ifndef SPHM_CUDA_DEVICE_H
+#define SPHM_CUDA_DEVICE_H
+
+#include "cuda/solid_layout.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct sphm_device sphm_device;
+
+typedef struct sphm_device_ops {
+    sphm_status (*open)(sphm_device **device, sphm_context *context);
+    /* Waits, and frees all memory. NULL is fine. */
+    void (*close)(sphm_device *device);
+    /* e.g. "cuda: NVIDIA H200" */
+    const char *(*name)(const sphm_device *device);
+
+    /* Device memory, and page-locked memory of the host; zeroed, aligned to 256 bytes, freed by close().
+     * SPHM_REFUSED_MEMORY names what is free. */
+    sphm_status (*allocate)(sphm_device *device, size_t bytes, void **memory, sphm_context *context);
+    sphm_status (*allocate_host)(sphm_device *device, size_t bytes, void **memory, sphm_context *context);
+
+    /* Copies. Page-locked host memory must not be touched before wait() has returned. */
+    sphm_status (*upload)(sphm_device *device, void *to, const void *from, size_t bytes,
+                          sphm_context *context);
+    sphm_status (*download)(sphm_device *device, void *to, const void *from, size_t bytes,
+                            sphm_context *context);
+    sphm_status (*launch)(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
+                          sphm_context *context);
+    /* What is launched between record() and keep() is kept instead of done; play() does it, any number of
+     * times, with one submission. keep() replaces what was kept before. */
+    sphm_status (*record)(sphm_device *device, sphm_context *context);
+    sphm_status (*keep)(sphm_device *device, sphm_context *context);
+    sphm_status (*play)(sphm_device *device, sphm_context *context);
+    /* Until everything is done; reports what failed on the way. */
+    sphm_status (*wait)(sphm_device *device, sphm_context *context);
+} sphm_device_ops;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,200 @@
+/* The __global__ functions around the threads of solid_threads.h: indices, the sum over lanes, which warp
+ * finishes.
+ *
+ * A block of 256 threads sums the rows of 32 particles, eight lanes each. The sums meet in shared memory, and
+ * the first warp finishes all 32 particles together: finished by one lane in eight, the material, which is as
+ * much arithmetic as the row, would run at an eighth of the width. */
+#include "cuda/solid_launch.h"
+
+#include "cuda/check.h"
+#include "cuda/solid_threads.h"
+
+namespace {
+
+constexpr int block_threads = 256;
+constexpr int block_particles = block_threads / SPHM_SOLID_LANES;
+static_assert(block_particles == 32, "one warp finishes");
+
+/* Every lane of a row ends with the same sum: the same pairs are added in the same order. */
+template <int numbers> __device__ void add_lanes(sphm_real (&sum)[numbers]) {
+    SPHM_UNROLL
+    for (int apart = SPHM_SOLID_LANES / 2; apart > 0; apart /= 2) {
+        SPHM_UNROLL
+        for (int k = 0; k < numbers; ++k)
+            sum[k] += __shfl_xor_sync(0xffffffffu, sum[k], apart);
+    }
+}
+
+/* Sums the rows of the block's particles with lane(particle, lane, sum) and hands them to finish(particle,
+ * sum). `count` items; `particle_of` gives an item's particle. */
+template <int numbers, class ParticleOf, class Lane, class Finish>
+__device__ void gather(size_t count, ParticleOf particle_of, Lane lane, Finish finish) {
+    __shared__ sphm_real sums[block_particles][numbers + 1 - numbers % 2]; /* odd: no bank twice in a warp */
+    const size_t first = (size_t)blockIdx.x * block_particles;
+    const int mine = (int)threadIdx.x / SPHM_SOLID_LANES, own_lane = (int)threadIdx.x % SPHM_SOLID_LANES;
+    sphm_real sum[numbers] = {};
+    if (first + mine < count)
+        lane(particle_of(first + mine), own_lane, sum);
+    add_lanes(sum);
+    if (own_lane == 0)
+        for (int k = 0; k < numbers; ++k)
+            sums[mine][k] = sum[k];
+    __syncthreads();
+    if (threadIdx.x >= block_particles || first + threadIdx.x >= count)
+        return;
+    for (int k = 0; k < numbers; ++k)
+        sum[k] = sums[threadIdx.x][k];
+    finish(first + threadIdx.x, sum);
+}
+
+struct itself {
+    __device__ size_t operator()(size_t item) const { return item; }
+};
+
+__global__ void __launch_bounds__(block_threads) hits(sphm_solid_device d, int step) {
+    const size_t i = (size_t)blockIdx.x * block_threads + threadIdx.x;
+    if (i < d.count && !sphm_solid_has_failed(&d, step))
+        sphm_solid_hits(&d, step, i);
+}
+
+__global__ void __launch_bounds__(block_threads) end_force(sphm_solid_device d, int step) {
+    if (sphm_solid_has_failed(&d, step))
+        return;
+    gather<3>(
+        d.held_count[SPHM_END_ORIGIN] + d.held_count[SPHM_END_INSERTION],
+        [&](size_t item) { return (size_t)d.held[item]; },
+        [&](size_t i, int lane, sphm_real *sum) { sphm_solid_force_lane(&d, d.stress, i, lane, sum); },
+        [&](size_t item, const sphm_real *sum) { sphm_solid_end_force_finish(&d, step, item, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) end_sum(sphm_solid_device d) {
+    const size_t thread = (size_t)blockIdx.x * block_threads + threadIdx.x;
+    if (thread < 2 * SPHM_SOLID_END_PARTIALS)
+        sphm_solid_end_sum_thread(&d, thread);
+}
+
+__global__ void end_step(sphm_solid_device d, int step) {
+    if (!sphm_solid_has_failed(&d, step))
+        sphm_solid_end_step_thread(&d, &d.submission->plan[step], (int)threadIdx.x);
+}
+
+__global__ void __launch_bounds__(block_threads) move(sphm_solid_device d, int step) {
+    if (sphm_solid_has_failed(&d, step)) /* all threads alike: this step only adds failures of its own */
+        return;
+    const sphm_solid_plan *p = &d.submission->plan[step];
+    gather<3>(
+        d.count, itself(),
+        [&](size_t i, int lane, sphm_real *sum) { sphm_solid_force_lane(&d, d.stress, i, lane, sum); },
+        [&](size_t i, const sphm_real *sum) { sphm_solid_move_finish(&d, p, step, i, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) spread(sphm_solid_device d, int step, int substep) {
+    const sphm_solid_plan *p = &d.submission->plan[step];
+    if (sphm_solid_has_failed(&d, step) || substep + 1 >= p->substeps)
+        return;
+    gather<1>(
+        d.count, itself(),
+        [&](size_t i, int lane, sphm_real *sum) { sphm_solid_spread_lane(&d, p, substep, i, lane, sum); },
+        [&](size_t i, const sphm_real *sum) { (void)sphm_solid_spread_finish(&d, p, substep, i, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) strain(sphm_solid_device d, int step) {
+    if (sphm_solid_has_failed(&d, step))
+        return;
+    const sphm_solid_plan *p = &d.submission->plan[step];
+    gather<19>(
+        d.count, itself(),
+        [&](size_t i, int lane, sphm_real *sum) {
+            sphm_solid_strain_lane(&d, i, lane, sum);
+            if (p->substeps > 0)
+                sphm_solid_spread_lane(&d, p, p->substeps - 1, i, lane, sum + 18);
+        },
+        [&](size_t i, const sphm_real *sum) { sphm_solid_strain_finish(&d, p, step, i, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) report(sphm_solid_device d) {
+    const size_t thread = (size_t)blockIdx.x * block_threads + threadIdx.x;
+    if (thread < SPHM_SOLID_PARTIALS)
+        sphm_solid_report_thread(&d, thread);
+}
+
+__global__ void __launch_bounds__(block_threads) part_strain(sphm_solid_device d, sphm_solid_call call) {
+    gather<18>(
+        d.count, itself(),
+        [&](size_t i, int lane, sphm_real *sum) { sphm_solid_strain_lane(&d, i, lane, sum); },
+        [&](size_t i, const sphm_real *sum) { sphm_solid_part_strain_finish(&d, &call, i, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) part_force(sphm_solid_device d, sphm_solid_call call) {
+    const size_t first = sphm_solid_first_held(&d, call.end);
+    gather<3>(
+        d.held_count[call.end], [&](size_t item) { return (size_t)d.held[first + item]; },
+        [&](size_t i, int lane, sphm_real *sum) { sphm_solid_force_lane(&d, d.part_stress, i, lane, sum); },
+        [&](size_t item, const sphm_real *sum) { sphm_solid_part_force_finish(&d, first + item, sum); });
+}
+
+__global__ void __launch_bounds__(block_threads) part_sum(sphm_solid_device d, sphm_solid_call call) {
+    const size_t thread = (size_t)blockIdx.x * block_threads + threadIdx.x;
+    if (thread < SPHM_SOLID_PARTIALS)
+        sphm_solid_part_sum_thread(&d, &call, thread);
+}
+
+unsigned blocks_of(size_t items, int items_per_block) {
+    return (unsigned)((items + (size_t)items_per_block - 1) / (size_t)items_per_block);
+}
+
+} // namespace
+
+sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
+                                   const sphm_solid_call *call, sphm_context *context) {
+    static const char *const names[SPHM_SOLID_LAUNCHES] = {
+        "launch hits",   "launch move",        "launch spread",     "launch strain",
+        "launch report", "launch part_strain", "launch part_force", "launch part_sum"};
+    const sphm_solid_device &d = *solid;
+    const unsigned rows = blocks_of(d.count, block_particles), particles = blocks_of(d.count, block_threads),
+                   partials = blocks_of(SPHM_SOLID_PARTIALS, block_threads);
+    const size_t held = d.held_count[SPHM_END_ORIGIN] + d.held_count[SPHM_END_INSERTION];
+    switch (call->launch) {
+    case SPHM_SOLID_HITS:
+        SPHM_LAUNCH(hits, particles, block_threads, stream, d, call->step);
+        break;
+    case SPHM_SOLID_END_FORCE:
+        if (held == 0)
+            return SPHM_OK;
+        SPHM_LAUNCH(end_force, blocks_of(held, block_particles), block_threads, stream, d, call->step);
+        break;
+    case SPHM_SOLID_END_SUM:
+        SPHM_LAUNCH(end_sum, blocks_of(2 * SPHM_SOLID_END_PARTIALS, block_threads), block_threads, stream, d);
+        break;
+    case SPHM_SOLID_END_STEP:
+        SPHM_LAUNCH(end_step, 1, SPHM_END_COUNT, stream, d, call->step);
+        break;
+    case SPHM_SOLID_MOVE:
+        SPHM_LAUNCH(move, rows, block_threads, stream, d, call->step);
+        break;
+    case SPHM_SOLID_SPREAD:
+        SPHM_LAUNCH(spread, rows, block_threads, stream, d, call->step, call->substep);
+        break;
+    case SPHM_SOLID_STRAIN:
+        SPHM_LAUNCH(strain, rows, block_threads, stream, d, call->step);
+        break;
+    case SPHM_SOLID_REPORT:
+        SPHM_LAUNCH(report, partials, block_threads, stream, d);
+        break;
+    case SPHM_SOLID_PART_STRAIN:
+        SPHM_LAUNCH(part_strain, rows, block_threads, stream, d, *call);
+        break;
+    case SPHM_SOLID_PART_FORCE:
+        if (d.held_count[call->end] == 0)
+            return SPHM_OK;
+        SPHM_LAUNCH(part_force, blocks_of(d.held_count[call->end], block_particles), block_threads, stream, d,
+                    *call);
+        break;
+    case SPHM_SOLID_PART_SUM:
+        SPHM_LAUNCH(part_sum, partials, block_threads, stream, d, *call);
+        break;
+    default:
+        return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);
+    }
+    return sphm_cuda_check(cudaGetLastError(), names[call->launch], context);
+}

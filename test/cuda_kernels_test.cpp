@@ -1,0 +1,146 @@
+// The .cu files themselves, compiled for the host: kernels, launches and the use of CUDA's runtime, on a shim
+// of it (cuda_shim.h). cuda_solid_test.cpp proves what a thread does; this proves that the kernels do it, for
+// the right particles, and that whatever call fails ends in a status, with everything freed.
+
+#include "cuda_shim.h"
+#include "emulated_device.h"
+#include "muscles.h"
+
+#define sphm_cuda_solid_backend shim_solid_backend // the library may have the real one
+#include "cuda/device.cu"
+#include "cuda/solid_launch.cu"
+
+#include <cmath>
+
+namespace {
+
+// Not a multiple of 32, so that the last block has idle lanes.
+Muscle::Settings settings() {
+    return {{"tissue", "solid"}, {"particles", "70"}, {"smoothing_ratio", "2.2"}};
+}
+
+void use(Muscle &muscle, const sphm_backend_ops *ops) {
+    muscle.handle->ops->destroy(muscle.handle->backend);
+    muscle.handle->backend = nullptr;
+    muscle.handle->ops = ops;
+    ASSERT_EQ(ops->create(&muscle.handle->model, &muscle.handle->backend, &muscle.context), SPHM_OK)
+        << muscle.context.message;
+}
+
+// Everything that launches something: forces, ends of both kinds, several diffusions a step, wrenches.
+void exercise(Muscle &muscle, std::vector<double> *numbers) {
+    sphm_backend *backend = muscle.handle->backend;
+    const sphm_backend_ops *ops = muscle.handle->ops;
+    sphm_drive drive{};
+    memcpy(drive.ends, muscle.handle->solid.ends, sizeof drive.ends);
+    drive.driven[SPHM_ELECTRODE_ORIGIN] = 1;
+    drive.current_uA_per_mm2[SPHM_ELECTRODE_ORIGIN] = 8000;
+    ASSERT_EQ(ops->step(backend, 35, 2e-5, &drive, &muscle.context), SPHM_OK) << muscle.context.message;
+    drive.force_count = 1;
+    drive.forces[0].radius_m = 0.5;
+    drive.forces[0].force_N[1] = 1;
+    drive.ends[SPHM_END_INSERTION].condition = SPHM_END_LOADED;
+    drive.ends[SPHM_END_INSERTION].load_N[0] = 1;
+    ASSERT_EQ(ops->step(backend, 3, 2e-5, &drive, &muscle.context), SPHM_OK) << muscle.context.message;
+    drive.force_count = 0;
+    ASSERT_EQ(ops->step(backend, 2, 5e-4, &drive, &muscle.context), SPHM_OK) << muscle.context.message;
+    *numbers = muscle.values();
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        sphm_wrench w{};
+        ops->wrench(backend, &drive.ends[end], end, &w);
+        numbers->insert(numbers->end(), w.force_N, w.force_N + 6);
+        const double *body = ops->clock(backend)->ends[end].shift_m;
+        numbers->insert(numbers->end(), body, body + sizeof(sphm_end_body) / sizeof(double));
+    }
+    numbers->push_back(ops->limits(backend).smallest);
+}
+
+// The same threads, the same sums: the same bits as the emulated device. Whatever order blocks and threads
+// run in.
+TEST(CudaKernels, DoWhatTheThreadsDo) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the address sanitizer does not follow fibers";
+#endif
+    const Muscle::Settings heavy = {{"mass_scaling", "1000"}, {"reaction_step", "0.2"}};
+    Muscle::Settings all = settings();
+    all.insert(all.end(), heavy.begin(), heavy.end());
+    std::vector<double> expected, found;
+    Muscle emulated_one(all);
+    use(emulated_one, emulated::backend_ops());
+    exercise(emulated_one, &expected);
+    ASSERT_NE(emulated_one.count() % 32, 0u);
+    for (const bool backwards : {false, true}) {
+        Muscle shimmed(all);
+        use(shimmed, shim_solid_backend());
+        shim::backwards() = backwards;
+        shim::now.played = 0;
+        exercise(shimmed, &found);
+        shim::backwards() = false;
+        EXPECT_EQ(shim::now.played, 1);
+        EXPECT_STREQ(shimmed.handle->ops->device(shimmed.handle->backend), "cuda: Shim (sm_90)");
+        ASSERT_EQ(found.size(), expected.size());
+        for (size_t k = 0; k < found.size(); ++k)
+            ASSERT_EQ(found[k], expected[k]) << "number " << k << ", backwards " << backwards;
+    }
+    EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u);
+    EXPECT_EQ(shim::now.streams, 0);
+    EXPECT_EQ(shim::now.graphs, 0);
+}
+
+// Every call of the runtime fails once, at creation and in a step.
+TEST(CudaKernels, EveryCallIsChecked) {
+    Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
+    const sphm_backend_ops *ops = shim_solid_backend();
+    sphm_drive drive{};
+    memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
+    shim::dry() = true;
+    int failed_at_creation = 0, failed_in_step = 0;
+    bool all_answered = false;
+    for (int allowed = 0; !all_answered; ++allowed) {
+        sphm_context context{};
+        sphm_backend *backend = nullptr;
+        shim::now.calls_left = allowed;
+        sphm_status status = ops->create(&made.handle->model, &backend, &context);
+        if (status != SPHM_OK) {
+            ++failed_at_creation;
+            EXPECT_EQ(backend, nullptr);
+        } else {
+            status = ops->step(backend, 33, 2e-5, &drive, &context);
+            // No launch has written a report: it is all zeros, which reads as a failure of the first step.
+            all_answered = status == SPHM_FAILED_NONFINITE;
+            failed_in_step += !all_answered;
+        }
+        if (!all_answered) {
+            EXPECT_EQ(status, SPHM_FAILED_BACKEND) << allowed;
+            EXPECT_NE(std::string(context.message).find("CUDA could not "), std::string::npos) << allowed;
+            EXPECT_NE(std::string(context.message).find("made to fail"), std::string::npos) << allowed;
+            if (backend) {
+                EXPECT_TRUE(std::isnan(ops->view(backend)->x[0])) << allowed;
+            }
+        }
+        shim::now.calls_left = -1;
+        ops->destroy(backend);
+        EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u) << allowed;
+        EXPECT_EQ(shim::now.streams, 0) << allowed;
+        EXPECT_EQ(shim::now.graphs, 0) << allowed;
+        ASSERT_LT(allowed, 1000);
+    }
+    shim::dry() = false;
+    EXPECT_GT(failed_at_creation, 40);
+    EXPECT_GT(failed_in_step, 130);
+}
+
+TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {
+    Muscle made(settings());
+    sphm_context context{};
+    sphm_backend *backend = nullptr;
+    shim::now.free_bytes = 1000;
+    EXPECT_EQ(shim_solid_backend()->create(&made.handle->model, &backend, &context), SPHM_REFUSED_MEMORY);
+    shim::now.free_bytes = size_t(1) << 30;
+    EXPECT_EQ(backend, nullptr);
+    EXPECT_NE(std::string(context.message).find("has 0 MiB of 0 MiB free, and 1 MiB are needed"),
+              std::string::npos)
+        << context.message;
+}
+
+} // namespace

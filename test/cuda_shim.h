@@ -1,0 +1,341 @@
+// What the .cu files need of CUDA, on the host: threads of a block are fibers that run in turns from one
+// synchronisation to the next, memory and streams are the host's. So block and thread indices, shuffles,
+// shared memory, copies and graphs of the CUDA back end are executed as they are written, without a GPU.
+//
+// Checked beside: a shuffle needs all 32 lanes at the same shuffle, a barrier all threads that still run;
+// shared memory begins as rubbish; what a copy reads or writes lies within one allocation; every call can be
+// made to fail.
+#ifndef SPHM_TEST_CUDA_SHIM_H
+#define SPHM_TEST_CUDA_SHIM_H
+
+#include <ucontext.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <vector>
+
+#include "sph_muscle/types.h"
+
+#define __global__ static
+#define __device__
+#define __shared__ static
+#define __launch_bounds__(threads)
+#define SPHM_UNROLL
+
+struct shim_index {
+    unsigned x = 0;
+};
+inline shim_index blockIdx, threadIdx;
+
+namespace shim {
+
+enum { WARP = 32, MOST_THREADS = 256, STACK = 256 * 1024 };
+enum sync_kind { NONE, SHUFFLE, BARRIER };
+
+struct fiber {
+    ucontext_t context;
+    std::vector<char> stack = std::vector<char>(STACK);
+    bool done = false;
+    sync_kind waits_at = NONE;
+    unsigned syncs = 0; // how many it has come to
+};
+
+inline std::vector<fiber> fibers(MOST_THREADS);
+inline ucontext_t scheduler;
+inline unsigned running;
+inline std::function<void()> body;
+inline sphm_real lanes[2][MOST_THREADS];
+
+[[noreturn]] inline void die(const char *what) {
+    fprintf(stderr, "cuda shim: %s (block %u, thread %u)\n", what, blockIdx.x, running);
+    abort();
+}
+
+inline void come_to(sync_kind kind) {
+    fiber &f = fibers[running];
+    f.waits_at = kind;
+    ++f.syncs;
+    swapcontext(&f.context, &scheduler);
+}
+
+inline void run_fiber() {
+    body();
+    fibers[running].done = true;
+    fibers[running].waits_at = NONE;
+}
+
+// Everybody who still runs has come to a synchronisation, and to the same one.
+inline void check(unsigned threads) {
+    for (unsigned t = 0; t < threads; ++t) {
+        const fiber &f = fibers[t];
+        running = t;
+        if (f.done)
+            continue;
+        for (unsigned other = t / WARP * WARP; other < (t / WARP + 1) * WARP && f.waits_at == SHUFFLE;
+             ++other)
+            if (other >= threads || fibers[other].done || fibers[other].syncs != f.syncs)
+                die("a lane is missing from a shuffle");
+        for (unsigned other = 0; other < threads && f.waits_at == BARRIER; ++other)
+            if (!fibers[other].done && fibers[other].waits_at != BARRIER)
+                die("a thread is missing from a barrier");
+    }
+}
+
+inline void run_block(unsigned threads, bool backwards) {
+    for (unsigned t = 0; t < threads; ++t) {
+        fiber &f = fibers[t];
+        f.done = false;
+        f.syncs = 0;
+        getcontext(&f.context);
+        f.context.uc_stack.ss_sp = f.stack.data();
+        f.context.uc_stack.ss_size = f.stack.size();
+        f.context.uc_link = &scheduler;
+        makecontext(&f.context, run_fiber, 0);
+    }
+    for (bool going = true; going;) {
+        going = false;
+        for (unsigned k = 0; k < threads; ++k) {
+            const unsigned t = backwards ? threads - 1 - k : k;
+            if (fibers[t].done)
+                continue;
+            running = t;
+            threadIdx.x = t;
+            swapcontext(&scheduler, &fibers[t].context);
+            going = going || !fibers[t].done;
+        }
+        check(threads);
+    }
+}
+
+inline bool &backwards() {
+    static bool last_first = false;
+    return last_first;
+}
+
+// Launches do nothing: for tests that are about the runtime's calls.
+inline bool &dry() {
+    static bool nothing_runs = false;
+    return nothing_runs;
+}
+
+inline void run_grid(unsigned blocks, unsigned threads, std::function<void()> kernel) {
+    body = std::move(kernel);
+    for (unsigned b = 0; b < blocks && !dry(); ++b) {
+        blockIdx.x = backwards() ? blocks - 1 - b : b;
+        run_block(threads, backwards());
+    }
+}
+
+} // namespace shim
+
+inline void __syncthreads() {
+    shim::come_to(shim::BARRIER);
+}
+
+// Two buffers: who is first at the next shuffle must not overwrite what others still have to read.
+inline sphm_real __shfl_xor_sync(unsigned, sphm_real value, int apart) {
+    const unsigned t = threadIdx.x, buffer = shim::fibers[t].syncs & 1;
+    shim::lanes[buffer][t] = value;
+    shim::come_to(shim::SHUFFLE);
+    return shim::lanes[buffer][t ^ static_cast<unsigned>(apart)];
+}
+
+// The runtime ----------------------------------------------------------------------------------------------
+
+enum cudaError_t { cudaSuccess, cudaErrorMemoryAllocation, cudaErrorUnknown };
+enum cudaMemcpyKind { cudaMemcpyHostToDevice, cudaMemcpyDeviceToHost };
+enum { cudaStreamNonBlocking, cudaHostAllocDefault, cudaStreamCaptureModeThreadLocal };
+struct cudaDeviceProp {
+    char name[256];
+    int major, minor;
+};
+using shim_work = std::vector<std::function<void()>>;
+struct shim_stream {
+    shim_work queue, captured;
+    bool capturing = false;
+};
+using cudaStream_t = shim_stream *;
+using cudaGraph_t = shim_work *;
+using cudaGraphExec_t = shim_work *;
+
+namespace shim {
+
+struct runtime {
+    int calls_left = -1; // until a call fails; -1: none does
+    cudaError_t error = cudaErrorUnknown, last = cudaSuccess;
+    size_t free_bytes = size_t(1) << 30;
+    std::map<char *, size_t> device, host; // allocations
+    int streams = 0, graphs = 0, played = 0;
+};
+inline runtime now;
+
+// A device that has failed stays so.
+inline cudaError_t call() {
+    if (now.calls_left < 0 || now.calls_left-- > 0)
+        return cudaSuccess;
+    now.calls_left = 0;
+    return now.error;
+}
+
+inline bool within(const std::map<char *, size_t> &memory, const void *from, size_t bytes) {
+    auto next = memory.upper_bound(static_cast<char *>(const_cast<void *>(from)));
+    if (next == memory.begin())
+        return false;
+    --next;
+    return static_cast<const char *>(from) + bytes <= next->first + next->second;
+}
+
+inline cudaError_t enqueue(cudaStream_t stream, std::function<void()> work) {
+    const cudaError_t error = call();
+    if (error == cudaSuccess)
+        (stream->capturing ? stream->captured : stream->queue).push_back(std::move(work));
+    return error;
+}
+
+template <class Kernel, class... Arguments>
+void launch(Kernel kernel, unsigned blocks, unsigned threads, cudaStream_t stream, Arguments... arguments) {
+    if (blocks == 0 || threads == 0 || threads > MOST_THREADS)
+        die("a launch without blocks, or of too many threads");
+    now.last = enqueue(stream, [=] { run_grid(blocks, threads, [=] { kernel(arguments...); }); });
+}
+
+} // namespace shim
+
+#define SPHM_LAUNCH(kernel, blocks, threads, stream, ...)                                                    \
+    shim::launch(kernel, blocks, threads, stream, __VA_ARGS__)
+
+inline const char *cudaGetErrorString(cudaError_t) {
+    return "made to fail";
+}
+inline cudaError_t cudaGetLastError() {
+    const cudaError_t last = shim::now.last;
+    shim::now.last = cudaSuccess;
+    return last;
+}
+inline cudaError_t cudaGetDevice(int *device) {
+    *device = 0;
+    return shim::call();
+}
+inline cudaError_t cudaSetDevice(int) {
+    return shim::call();
+}
+inline cudaError_t cudaGetDeviceProperties(cudaDeviceProp *properties, int) {
+    *properties = {"Shim", 9, 0};
+    return shim::call();
+}
+inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t *stream, unsigned) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess) {
+        *stream = new shim_stream;
+        ++shim::now.streams;
+    }
+    return error;
+}
+inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess)
+        for (const auto &work : stream->queue)
+            work();
+    stream->queue.clear();
+    return error;
+}
+inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
+    delete stream;
+    --shim::now.streams;
+    return shim::call();
+}
+inline cudaError_t cudaMemGetInfo(size_t *free_bytes, size_t *total) {
+    *free_bytes = *total = shim::now.free_bytes;
+    return shim::call();
+}
+inline cudaError_t shim_allocate(std::map<char *, size_t> &memory, void **made, size_t bytes) {
+    const cudaError_t error = shim::call();
+    if (error != cudaSuccess)
+        return error;
+    if (bytes > shim::now.free_bytes)
+        return cudaErrorMemoryAllocation;
+    *made = aligned_alloc(256, (bytes + 255) / 256 * 256);
+    memset(*made, 0xff, bytes); // NaN
+    memory[static_cast<char *>(*made)] = bytes;
+    return cudaSuccess;
+}
+inline cudaError_t cudaMalloc(void **made, size_t bytes) {
+    return shim_allocate(shim::now.device, made, bytes);
+}
+inline cudaError_t cudaHostAlloc(void **made, size_t bytes, unsigned) {
+    return shim_allocate(shim::now.host, made, bytes);
+}
+inline cudaError_t cudaFree(void *memory) {
+    shim::now.device.erase(static_cast<char *>(memory));
+    free(memory);
+    return shim::call();
+}
+inline cudaError_t cudaFreeHost(void *memory) {
+    shim::now.host.erase(static_cast<char *>(memory));
+    free(memory);
+    return shim::call();
+}
+inline cudaError_t cudaMemsetAsync(void *to, int value, size_t bytes, cudaStream_t stream) {
+    if (!shim::within(shim::now.device, to, bytes))
+        shim::die("memset outside of what was allocated");
+    return shim::enqueue(stream, [=] { memset(to, value, bytes); });
+}
+// From memory that is not page-locked a copy takes what is there now.
+inline cudaError_t cudaMemcpyAsync(void *to, const void *from, size_t bytes, cudaMemcpyKind kind,
+                                   cudaStream_t stream) {
+    if (!shim::within(shim::now.device, kind == cudaMemcpyHostToDevice ? to : from, bytes))
+        shim::die("a copy outside of what was allocated");
+    if (kind == cudaMemcpyDeviceToHost || shim::within(shim::now.host, from, bytes))
+        return shim::enqueue(stream, [=] { memcpy(to, from, bytes); });
+    const std::vector<char> kept(static_cast<const char *>(from), static_cast<const char *>(from) + bytes);
+    return shim::enqueue(stream, [=] { memcpy(to, kept.data(), bytes); });
+}
+inline cudaError_t cudaStreamBeginCapture(cudaStream_t stream, int) {
+    const cudaError_t error = shim::call();
+    stream->capturing = error == cudaSuccess;
+    stream->captured.clear();
+    return error;
+}
+inline cudaError_t cudaStreamEndCapture(cudaStream_t stream, cudaGraph_t *graph) {
+    const bool was_capturing = stream->capturing;
+    stream->capturing = false;
+    const cudaError_t error = was_capturing ? shim::call() : cudaErrorUnknown;
+    if (error == cudaSuccess) {
+        *graph = new shim_work(stream->captured);
+        ++shim::now.graphs;
+    }
+    return error;
+}
+inline cudaError_t cudaGraphInstantiateWithFlags(cudaGraphExec_t *made, cudaGraph_t graph, unsigned) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess) {
+        *made = new shim_work(*graph);
+        ++shim::now.graphs;
+    }
+    return error;
+}
+inline cudaError_t shim_destroy_graph(shim_work *graph) {
+    delete graph;
+    --shim::now.graphs;
+    return shim::call();
+}
+inline cudaError_t cudaGraphDestroy(cudaGraph_t graph) {
+    return shim_destroy_graph(graph);
+}
+inline cudaError_t cudaGraphExecDestroy(cudaGraphExec_t graph) {
+    return shim_destroy_graph(graph);
+}
+inline cudaError_t cudaGraphLaunch(cudaGraphExec_t graph, cudaStream_t stream) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess) {
+        ++shim::now.played;
+        stream->queue.insert(stream->queue.end(), graph->begin(), graph->end());
+    }
+    return error;
+}
+
+#endif
