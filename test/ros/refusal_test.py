@@ -22,10 +22,11 @@ class RefusalTest(unittest.TestCase):
             file.write(content)
         return path
 
-    def check_refused(self, parameters, *parts, name=None):
+    def check_refused(self, parameters, *parts, name=None, **environment):
         node = roslib.packages.find_node("sph_muscle", "sph_muscle_node")[0]
         command = [node] + ["_%s:=%s" % item for item in parameters.items()] + ["__name:=" + (name or self._testMethodName)]
-        result = subprocess.run(command, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        result = subprocess.run(command, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                env=dict(os.environ, **environment))
         self.assertEqual(result.returncode, 2, result.stdout)
         for part in parts:
             self.assertIn(part, result.stdout)
@@ -44,6 +45,10 @@ class RefusalTest(unittest.TestCase):
 
     def test_unknown_choice(self):
         self.check_refused({"preset": "biceps"}, "biceps", "triceps_long_head")
+
+    def test_gpu_that_is_not_there(self):
+        self.check_refused({"backend": "cuda"}, "backend is cuda, but", "backend: cpu or auto would run",
+                           CUDA_VISIBLE_DEVICES="")
 
     def test_missing_mesh(self):
         self.check_refused({"mesh": "/nowhere/muscle.stl"}, "/nowhere/muscle.stl")
