@@ -7,7 +7,7 @@
 # FOLDER for results: default bench/results; for the build: build/gpu. It ends within S seconds (default 470; what does
 # not fit any more is left out, and the summary says so). PARTICLES: largest muscle (default 10 million). Needs
 # neither Python nor gtest, assimp or YAML. Exit status: 0 everything that ran passed, 1 something failed, 2 it could
-# not begin.
+# not begin, 77 no device answered.
 set -uo pipefail
 
 root=$(cd "$(dirname "$0")/.." && pwd)
@@ -103,11 +103,11 @@ printf '%s,' "${columns[@]}" >"$csv"
 echo "commit,gpu,command" >>"$csv"
 tell "$(printf '%-7s %-5s %10s %6s %12s %14s %10s %12s' tissue where particles neigh. steps/s particle-steps/s RTF step-p99-us)"
 measure() { # TISSUE BACKEND PARTICLES STEPS OPTION...
-    local tissue=$1 backend=$2 particles=$3 steps=$4 line status row=() column
+    local tissue=$1 backend=$2 particles=$3 steps=$4 line status log row=() column
     shift 4
     ((particles <= most)) || return 0
     local command=(sph_muscle_bench --tissue "$tissue" --backend "$backend" --particles "$particles" --steps "$steps" "$@")
-    local log=$build/bench-$tissue-$backend-$particles.log
+    log=$build/bench-$tissue-$backend-$particles.log
     line=$(limited 90 "$bench" "${command[@]:1}" 2>"$log")
     status=$?
     if ((status != 0)); then
@@ -119,7 +119,8 @@ measure() { # TISSUE BACKEND PARTICLES STEPS OPTION...
         return 0
     fi
     for column in "${columns[@]}"; do row+=("$(value "$column" "$line")"); done
-    (IFS=,; echo "${row[*]},$commit,\"$device\",\"${command[*]}\"") >>"$csv"
+    local text="${command[*]}"
+    (IFS=,; echo "${row[*]},$commit,\"$device\",\"$text\"") >>"$csv"
     tell "$(printf '%-7s %-5s %10s %6.4s %12.6s %14.4g %10.4s %12.6s' "$tissue" "$backend" "${row[3]}" "${row[4]}" "${row[5]}" "${row[6]}" "${row[7]}" "${row[9]}")"
 }
 measure_both() { # PARTICLES STEPS
@@ -138,4 +139,5 @@ measure_both 10000000 96
 
 tell "stage breakdown, measured ceilings of bandwidth and arithmetic, and the paper's Figure 13: not measured by this script yet"
 tell "$((SECONDS - began)) s in all; $failures failed; rows in $csv"
-((failures == 0))
+((failures == 0)) || exit 1
+((there)) || exit 77

@@ -17,7 +17,9 @@ struct sphm_device {
     int index;
     char name[128];
     cudaStream_t stream;
-    cudaGraphExec_t graph; /* what was kept; null: nothing */
+    cudaGraphExec_t graph;  /* what was kept; null: nothing */
+    cudaEvent_t begin, end; /* null: launches are not timed */
+    double launch_s[SPHM_SOLID_LAUNCHES];
     int memory_count, host_memory_count;
     void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
 };
@@ -49,6 +51,10 @@ void close(sphm_device *device) {
         (void)cudaFree(device->memory[k]);
     for (int k = 0; k < device->host_memory_count; ++k)
         (void)cudaFreeHost(device->host_memory[k]);
+    if (device->begin)
+        (void)cudaEventDestroy(device->begin);
+    if (device->end)
+        (void)cudaEventDestroy(device->end);
     if (device->stream)
         (void)cudaStreamDestroy(device->stream);
     (void)cudaGetLastError();
@@ -64,6 +70,10 @@ sphm_status prepare(sphm_device *device, sphm_context *context) {
     TRY(cudaSetDevice(device->index), "use the device");
     /* Non-blocking: it does not wait for the default stream, which other code in the process may use. */
     TRY(cudaStreamCreateWithFlags(&device->stream, cudaStreamNonBlocking), "make a stream");
+    if (getenv("SPH_MUSCLE_TIME_LAUNCHES")) { /* bench/gpu.sh; a parameter would be in every muscle's file */
+        TRY(cudaEventCreate(&device->begin), "make an event");
+        TRY(cudaEventCreate(&device->end), "make an event");
+    }
     return SPHM_OK;
 }
 
@@ -134,10 +144,32 @@ sphm_status download(sphm_device *device, void *to, const void *from, size_t byt
     return copy(device, to, from, bytes, cudaMemcpyDeviceToHost, context);
 }
 
+/* Waits for it: what is measured is this launch alone, with the device idle before and after. */
+sphm_status launch_timed(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
+                         sphm_context *context) {
+    float elapsed_ms = 0;
+    TRY(cudaEventRecord(device->begin, device->stream), "record an event");
+    const sphm_status status = sphm_cuda_launch_solid(device->stream, solid, call, context);
+    if (status != SPHM_OK)
+        return status;
+    TRY(cudaEventRecord(device->end, device->stream), "record an event");
+    TRY(cudaStreamSynchronize(device->stream), "finish a launch");
+    TRY(cudaEventElapsedTime(&elapsed_ms, device->begin, device->end), "time a launch");
+    device->launch_s[call->launch] += 1e-3 * (double)elapsed_ms;
+    return SPHM_OK;
+}
+
 sphm_status launch(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
                    sphm_context *context) {
     const sphm_status status = use(device, context);
-    return status == SPHM_OK ? sphm_cuda_launch_solid(device->stream, solid, call, context) : status;
+    if (status != SPHM_OK)
+        return status;
+    return device->end ? launch_timed(device, solid, call, context)
+                       : sphm_cuda_launch_solid(device->stream, solid, call, context);
+}
+
+const double *launch_times(const sphm_device *device) {
+    return device->end ? device->launch_s : NULL;
 }
 
 /* Thread-local: other threads' muscles may allocate meanwhile. */
@@ -175,8 +207,8 @@ sphm_status wait(sphm_device *device, sphm_context *context) {
     return sphm_cuda_check(cudaStreamSynchronize(device->stream), "finish what it was given", context);
 }
 
-const sphm_device_ops device_ops = {open,     close,  name,   allocate, allocate_host, upload,
-                                    download, launch, record, keep,     play,          wait};
+const sphm_device_ops device_ops = {open,   close,  name, allocate, allocate_host, upload, download,
+                                    launch, record, keep, play,     launch_times,  wait};
 
 sphm_status create_solid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);

@@ -40,6 +40,9 @@ typedef struct sphm_device_ops {
     sphm_status (*record)(sphm_device *device, sphm_context *context);
     sphm_status (*keep)(sphm_device *device, sphm_context *context);
     sphm_status (*play)(sphm_device *device, sphm_context *context);
+    /* NULL, or [SPHM_SOLID_LAUNCHES] seconds that each kind of launch has taken: a device that was opened to
+     * time its launches waits for each of them, and is given none to keep. */
+    const double *(*launch_times)(const sphm_device *device);
     /* Until everything is done; reports what failed on the way. */
     sphm_status (*wait)(sphm_device *device, sphm_context *context);
 } sphm_device_ops;

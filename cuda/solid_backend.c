@@ -40,6 +40,7 @@ typedef struct solid_backend {
     int failed; /* the device does not work any more */
     double modulus_Pa;
     size_t device_bytes, host_bytes;
+    double launch_s[SPHM_SOLID_LAUNCHES]; /* where the launches are timed: at the last reset_timing() */
     sphm_timing timing;
 } solid_backend;
 
@@ -268,8 +269,9 @@ static sphm_status run_submission(solid_backend *b, int launches, size_t steps, 
         b->ops->upload(b->device, b->solid.submission, h->submission,
                        offsetof(sphm_solid_submission, plan) + steps * sizeof *h->submission->plan, context);
     if (status == SPHM_OK)
-        status = steps == SPHM_SUBMISSION_STEPS ? play_steps(b, launches, context)
-                                                : launch_steps(b, launches, steps, context);
+        status = steps == SPHM_SUBMISSION_STEPS && !b->ops->launch_times(b->device)
+                     ? play_steps(b, launches, context)
+                     : launch_steps(b, launches, steps, context);
     if (status == SPHM_OK)
         status = b->ops->download(b->device, h->report, b->solid.report, sizeof *h->report, context);
     if (status == SPHM_OK)
@@ -536,7 +538,13 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
 
 static sphm_timing timing(const sphm_backend *backend) {
     const solid_backend *b = look_inside(backend);
+    const double *launch_s = b->ops->launch_times(b->device);
     sphm_timing t = b->timing;
+    if (launch_s) {
+        t.forces_s = launch_s[SPHM_SOLID_MOVE] - b->launch_s[SPHM_SOLID_MOVE];
+        t.density_pressure_s = launch_s[SPHM_SOLID_STRAIN] - b->launch_s[SPHM_SOLID_STRAIN];
+        t.diffusion_s = launch_s[SPHM_SOLID_SPREAD] - b->launch_s[SPHM_SOLID_SPREAD];
+    }
     t.memory_bytes = sizeof *b + sphm_state_bytes(b->rest.state.count) + b->device_bytes + b->host_bytes;
     return t;
 }
@@ -545,6 +553,8 @@ static void reset_timing(sphm_backend *backend) {
     solid_backend *b = inside(backend);
     memset(&b->timing, 0, sizeof b->timing);
     b->timing.neighbours_per_particle = b->rest.gradient.neighbours_per_particle;
+    if (b->ops->launch_times(b->device))
+        memcpy(b->launch_s, b->ops->launch_times(b->device), sizeof b->launch_s);
 }
 
 static const char *device(const sphm_backend *backend) {

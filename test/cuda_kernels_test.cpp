@@ -85,6 +85,7 @@ TEST(CudaKernels, DoWhatTheThreadsDo) {
     EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u);
     EXPECT_EQ(shim::now.streams, 0);
     EXPECT_EQ(shim::now.graphs, 0);
+    EXPECT_EQ(shim::now.events, 0);
 }
 
 // Every call of the runtime fails once, at creation and in a step.
@@ -128,6 +129,28 @@ TEST(CudaKernels, EveryCallIsChecked) {
     shim::dry() = false;
     EXPECT_GT(failed_at_creation, 40);
     EXPECT_GT(failed_in_step, 130);
+}
+
+// Launches one by one, each with its time: the same steps.
+TEST(CudaKernels, TimesItsLaunches) {
+    Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
+    sphm_drive drive{};
+    memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
+    shim::dry() = true;
+    setenv("SPH_MUSCLE_TIME_LAUNCHES", "1", 1);
+    use(made, shim_solid_backend());
+    unsetenv("SPH_MUSCLE_TIME_LAUNCHES");
+    const sphm_backend_ops *ops = made.handle->ops;
+    ops->reset_timing(made.handle->backend);
+    shim::now.played = 0;
+    (void)ops->step(made.handle->backend, 32, 2e-5, &drive, nullptr); // nothing runs, so nothing is reported
+    const sphm_timing timing = ops->timing(made.handle->backend);
+    shim::dry() = false;
+    EXPECT_EQ(shim::now.played, 0);
+    EXPECT_EQ(shim::now.events, 2);
+    EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
+    EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
+    EXPECT_EQ(timing.diffusion_s, 0);
 }
 
 TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {

@@ -169,7 +169,7 @@ struct runtime {
     cudaError_t error = cudaErrorUnknown, last = cudaSuccess;
     size_t free_bytes = size_t(1) << 30;
     std::map<char *, size_t> device, host; // allocations
-    int streams = 0, graphs = 0, played = 0;
+    int streams = 0, graphs = 0, events = 0, played = 0, clock_ms = 0;
 };
 inline runtime now;
 
@@ -246,6 +246,31 @@ inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
 inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
     delete stream;
     --shim::now.streams;
+    return shim::call();
+}
+// A clock that stands still but for a millisecond a record.
+struct shim_event {
+    int at = 0;
+};
+using cudaEvent_t = shim_event *;
+inline cudaError_t cudaEventCreate(cudaEvent_t *event) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess) {
+        *event = new shim_event;
+        ++shim::now.events;
+    }
+    return error;
+}
+inline cudaError_t cudaEventDestroy(cudaEvent_t event) {
+    delete event;
+    --shim::now.events;
+    return shim::call();
+}
+inline cudaError_t cudaEventRecord(cudaEvent_t event, cudaStream_t stream) {
+    return shim::enqueue(stream, [=] { event->at = ++shim::now.clock_ms; });
+}
+inline cudaError_t cudaEventElapsedTime(float *elapsed_ms, cudaEvent_t begin, cudaEvent_t end) {
+    *elapsed_ms = static_cast<float>(end->at - begin->at);
     return shim::call();
 }
 inline cudaError_t cudaMemGetInfo(size_t *free_bytes, size_t *total) {

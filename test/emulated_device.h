@@ -217,6 +217,9 @@ inline sphm_status play(sphm_device *handle, sphm_context *context) {
                                      inside(handle)->kept.end());
     return status;
 }
+inline const double *launch_times(const sphm_device *) {
+    return nullptr;
+}
 inline sphm_status wait(sphm_device *handle, sphm_context *context) {
     const sphm_status status = request(context);
     if (status == SPHM_OK)
@@ -226,8 +229,8 @@ inline sphm_status wait(sphm_device *handle, sphm_context *context) {
     return status;
 }
 
-inline const sphm_device_ops device_ops = {open,     close,  name,   allocate, allocate, upload,
-                                           download, launch, record, keep,     play,     wait};
+inline const sphm_device_ops device_ops = {open,   close,  name, allocate, allocate,     upload, download,
+                                           launch, record, keep, play,     launch_times, wait};
 
 inline sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);
