@@ -23,8 +23,8 @@ static sphm_parameters still(const sphm_parameters *parameters) {
     p.backend = SPHM_BACKEND_CPU; /* the same stress whatever computes the muscle */
     p.max_isometric_force = 0;
     p.particles = p.particles < MOST_PARTICLES ? p.particles : MOST_PARTICLES;
-    p.mass_scaling = 16;
-    p.velocity_damping = 40;
+    p.mass_scaling = 4;
+    p.velocity_damping = 15;
     p.activation_time = 0.02;
     p.force_velocity = SPHM_FORCE_VELOCITY_OFF;
     p.tendon_stiffness = p.tendon_slack_length = 0;
@@ -48,7 +48,7 @@ static sphm_status isometric_force(const sphm_parameters *p, const sphm_surface 
         status = sphm_muscle_activate(muscle, 1, 0, context);
     double before = INFINITY;
     for (int k = 0; k < 12 && status == SPHM_OK; ++k) { /* until it stands still */
-        status = sphm_muscle_advance(muscle, k ? 0.05 : 0.2, context);
+        status = sphm_muscle_advance(muscle, k ? 0.05 : 0.15, context);
         if (status == SPHM_OK)
             status = sphm_muscle_wrench(muscle, SPHM_END_INSERTION, &w, context);
         *force_N = status == SPHM_OK ? pull_of(muscle, &w) : 0;
