@@ -112,8 +112,9 @@ def spindle(spacing):
 
 
 def run(r):
-    spacing = 1.4 if r.quick else 1.0
-    step, dt = (spacing / 3, 0.08) if r.quick else (spacing / 3, 0.02)
+    spacing = 1.5 if r.quick else 1.0
+    # A third of the spacing puts cells where the particles are; the longest stable step is 0.22 step^2 / mm2 ms.
+    step, dt = (spacing / 3, 0.05) if r.quick else (spacing / 3, 0.023)
     figure, axes = plt.subplots(1, 2, figsize=(8.5, 3.6))
     for axis, (name, body) in zip(axes, (("slab", slab), ("belly", spindle))):
         parameters, inside, box = body(spacing)

@@ -15,7 +15,7 @@ import sphm  # noqa: E402
 
 ROOT = HERE.parent
 # In the order of the report.
-CASES = ["plane_wave", "activation_times", "fibre_bar", "block", "cantilever", "belly", "isotonic", "physiology",
+CASES = ["plane_wave", "activation_times", "fibre_bar", "force_velocity", "block", "cantilever", "belly", "isotonic", "physiology",
          "paper_stability", "speed"]
 
 
@@ -62,8 +62,10 @@ def main():
         chosen = [c for c in chosen if getattr(c, "QUICK", True)]
     passed = [run_case(c, folder_of(c), options.quick) for c in chosen]
     shown = cases if not options.quick else chosen
-    report.write(shown, folder_of, target, options.quick,
+    summary = report.write(shown, folder_of, target, options.quick,
                  f"Library: {sphm.build_configuration()}; {platform.machine()}.")
+    if not options.quick:
+        report.quote(ROOT / "README.md", summary)
     print(f"{sum(passed)} of {len(passed)} cases hold; report: {target / 'index.html'}")
     return 0 if passed and all(passed) else 1
 

@@ -87,4 +87,14 @@ def write(cases, folder_of, target, quick, machine):
         f"<table><tr><th>case<th>criteria that hold<th>what does not</tr>{table}</table>{body}</html>\n")
     lines = ["| case | criteria that hold | what does not | commit |", "|---|---|---|---|"]
     lines += [f"| {c.TITLE} (`{c.NAME}`) | {held} | {failed or '-'} | {made} |" for c, held, failed, made in rows]
-    (target / "summary.md").write_text("\n".join(lines) + "\n")
+    summary = "\n".join(lines) + "\n"
+    (target / "summary.md").write_text(summary)
+    return summary
+
+
+def quote(readme, summary):
+    """Puts the summary between the marks in the README."""
+    begin, end = "<!-- validation:begin -->\n", "<!-- validation:end -->"
+    text = readme.read_text()
+    if begin in text and end in text:
+        readme.write_text(text[:text.index(begin) + len(begin)] + "\n" + summary + "\n" + text[text.index(end):])
