@@ -81,7 +81,7 @@ class Result:
             writer.writerows([[f"{v:.6g}" for v in row] for row in rows])
 
     def figure(self, name, figure, caption):
-        figure.savefig(self.folder / f"{name}.svg", metadata={"Date": None})
+        figure.savefig(self.folder / f"{name}.svg", metadata={"Date": None}, dpi=130)
         plt.close(figure)
         self.data["figures"].append({"name": name, "caption": caption})
         self.save()
