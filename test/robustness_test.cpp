@@ -107,4 +107,24 @@ TEST(Robustness, RandomStimulationAndMotion) {
     }
 }
 
+// A particle that is pressed flat asks for ever shorter steps: it is a failure, not a call that never
+// returns.
+TEST(Robustness, ACollapseStopsTheMuscle) {
+    sphm_parameters p = bar();
+    p.hourglass_stiffness = 0;
+    const Muscle muscle = make(p);
+    sphm_context context{};
+    const sphm_body *body = sphm_muscle_body(muscle.get());
+    double middle[3];
+    for (int d = 0; d < 3; ++d)
+        middle[d] = (body->origin_m[d] + body->insertion_m[d]) / 2;
+    const double force[3] = {40, 0, 0};
+    ASSERT_EQ(sphm_muscle_apply_force(muscle.get(), middle, force, 0.004, 0, &context), SPHM_OK);
+    EXPECT_EQ(sphm_muscle_advance(muscle.get(), 0.1, &context), SPHM_FAILED_NONFINITE);
+    EXPECT_NE(std::string(context.message).find("compressed or stretched"), std::string::npos)
+        << context.message;
+    ASSERT_EQ(sphm_muscle_reset(muscle.get(), &context), SPHM_OK);
+    proceed(muscle, 0.001);
+}
+
 } // namespace

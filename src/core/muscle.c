@@ -13,8 +13,9 @@
 #include "core/electrodes.h"
 #include "core/observer.h"
 
-/* A muscle so fast that the Courant limit is this share of the other limits (particles at some hundred m/s)
- * has blown up: steps would shrink until time no longer moves, and advance() would never come back. */
+/* A muscle whose steps are to be this share of those at rest (particles at some hundred m/s, or collapsed to
+ * a hundredth of their volume) has blown up: steps would shrink until time no longer moves, and advance()
+ * would never come back. */
 #define RUNAWAY_SHARE 0.01
 
 /* Creation ----------------------------------------------------------------------------------------------- */
@@ -81,6 +82,7 @@ static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters,
     take_backend(muscle, &chosen);
     sphm_muscle_rest_ends(muscle);
     muscle->requested_step_s = parameters->time_step;
+    muscle->rest_step_s = muscle->ops->limits(muscle->backend).smallest;
     warn_time_step(muscle, muscle->ops->limits(muscle->backend).smallest,
                    parameters->time_step_policy == SPHM_TIME_STEP_REDUCE ? context : NULL);
     return check_time_step(muscle, context);
@@ -193,17 +195,19 @@ static double next_change(const sphm_muscle *muscle, double now) {
     return next;
 }
 
+/* A step that has become this short is a state that ran away, and says so instead. */
 static sphm_status refuse_runaway(sphm_muscle *muscle, const sphm_time_step_limits *limits,
                                   sphm_context *context) {
-    const double slow = fmin(fmin(limits->acoustic, limits->viscous), limits->shape_matching);
-    if (limits->courant >= RUNAWAY_SHARE * slow)
+    if (limits->smallest >= RUNAWAY_SHARE * muscle->rest_step_s)
         return SPHM_OK;
     sphm_context own;
     memset(&own, 0, sizeof own);
     (void)sphm_fail(&own, SPHM_FAILED_NONFINITE,
-                    "the state ran away at %.6g s: particles are so fast that a step may take %.3g s only "
+                    "the state ran away at %.6g s: particles are so %s that a step may take %.3g s only "
                     "instead of %.3g s",
-                    sphm_muscle_time(muscle), limits->courant, slow);
+                    sphm_muscle_time(muscle),
+                    limits->courant <= limits->smallest ? "fast" : "compressed or stretched",
+                    limits->smallest, muscle->rest_step_s);
     (void)sphm_fail(context, SPHM_FAILED_NONFINITE, "%s", own.message);
     return fail(muscle, SPHM_FAILED_NONFINITE, own.message);
 }

@@ -38,6 +38,7 @@ struct sphm_muscle {
     sphm_solid_commands solid; /* tissue: solid */
 
     double requested_step_s; /* the parameter, 0: automatic */
+    double rest_step_s;      /* the limit at rest */
     int warned_step;         /* the warning about a reduced step was given */
     int failed;              /* the status of a failed step: only reset, load and destroy are allowed then */
     char failure[1024];
