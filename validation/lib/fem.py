@@ -27,10 +27,15 @@ logging.disable(logging.INFO)  # of the form compiler
 
 # Meshes ---------------------------------------------------------------------------------------------------
 
-def belly_radii(x, length=0.20, width=0.050, thickness=0.036, end=0.006):
+def belly_radii(x, length=0.20, width=0.050, thickness=0.036, end=0.006, exponent=1.0, bow=0.0):
     """Half axes in y and z of the belly's section at x = 0 ... length."""
-    arch = np.sin(np.pi * np.clip(x / length, 0, 1))
+    arch = np.sin(np.pi * np.clip(x / length, 0, 1)) ** exponent
     return end + (width / 2 - end) * arch, end + (thickness / 2 - end) * arch
+
+
+def belly_centre(x, length=0.20, bow=0.0, **shape):
+    """Where the middle of the section at x lies in z."""
+    return bow * np.sin(np.pi * np.clip(x / length, 0, 1))
 
 
 def _mesh(build, size, fine=None):
@@ -58,9 +63,9 @@ def _mesh(build, size, fine=None):
     return mesh
 
 
-def belly_mesh(size, from_x, to_x, quarter=True, graded=False, **shape):
+def belly_mesh(size, from_x, to_x, quarter=True, half=False, graded=False, **shape):
     """The belly between two sections, x = 0 ... length, elements of edge `size` (m), `graded`: half that near the two
-    faces. `quarter`: the part with y, z > 0, whose cut faces are planes of symmetry."""
+    faces. `quarter`: the part with y, z > 0, `half`: with y > 0; cut faces are planes of symmetry."""
     def fine(x):
         return 0.5 + 0.5 * np.clip((min(x - from_x, to_x - x) - 0.005) / 0.015, 0, 1)
 
@@ -68,23 +73,41 @@ def belly_mesh(size, from_x, to_x, quarter=True, graded=False, **shape):
         loops = []
         for x in np.linspace(from_x, to_x, 13):
             ry, rz = belly_radii(x, **shape)
-            loops.append(occ.addCurveLoop([occ.addEllipse(0, 0, x, max(ry, rz * (1 + 1e-9)), rz)]))
+            ellipse = occ.addEllipse(0, belly_centre(x, **shape), x, max(ry, rz * (1 + 1e-9)), rz)
+            loops.append(occ.addCurveLoop([ellipse]))
         loft = occ.addThruSections(loops, makeSolid=True)
-        if quarter:
-            occ.intersect(loft, [(3, occ.addBox(0, 0, from_x - 1, 1, 1, to_x + 2))])
+        if quarter or half:
+            below = 0 if quarter else -1
+            occ.intersect(loft, [(3, occ.addBox(0, below, from_x - 1, 1, 1 - below, to_x + 2))])
     mesh = _mesh(build, size, fine if graded else None)
     # Straight edges cut corners: swell the sections until the volume is that of the formula.
     x = np.linspace(from_x, to_x, 2001)
     ry, rz = belly_radii(x, **shape)
-    exact = np.trapz(np.pi * ry * rz, x) / (4 if quarter else 1)
+    exact = np.trapz(np.pi * ry * rz, x) / (4 if quarter else 2 if half else 1)
     one = fem.assemble_scalar(fem.form(fem.Constant(mesh, 1.0) * ufl.Measure("dx", mesh)))
-    mesh.geometry.x[:, 1:] *= np.sqrt(exact / one)
+    centre = belly_centre(mesh.geometry.x[:, 0], **shape)
+    mesh.geometry.x[:, 1] *= np.sqrt(exact / one)
+    mesh.geometry.x[:, 2] = centre + (mesh.geometry.x[:, 2] - centre) * np.sqrt(exact / one)
     return mesh
 
 
 def box_mesh(length, width, thickness, size):
     """A box centred on the x axis, x = 0 ... length."""
     return _mesh(lambda occ: occ.addBox(-width / 2, -thickness / 2, 0, width, thickness, length), size)
+
+
+def elements(body):
+    """(nodes, tetrahedra as node numbers) of a body with positive volumes, in the order of most formats: corners, then the
+    middles of the edges 12, 23, 31, 14, 24, 34. The nodes are those of body.points()."""
+    nodes = body.V.tabulate_dof_coordinates()
+    cells = np.array([body.V.dofmap.cell_dofs(c) for c in range(body.cells)])
+    if body.order == 2:
+        cells = cells[:, [0, 1, 2, 3, 9, 6, 8, 7, 5, 4]]
+    x = nodes[cells[:, :4]]
+    turned = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    mirror = [1, 0, 2, 3] if body.order == 1 else [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]
+    cells[turned] = cells[turned][:, mirror]
+    return nodes, cells
 
 
 # The body -------------------------------------------------------------------------------------------------
@@ -124,11 +147,13 @@ class NoSolution(Exception):
 
 
 class Body:
-    """A body between two held faces, x = low and x = high; `shift` moves the upper face along x."""
+    """A body between two held faces, x = low and x = high; `shift` moves the upper face along x. `quarter`, `half`: what
+    of it the mesh is, as in belly_mesh()."""
 
-    def __init__(self, mesh, law=None, order=2, quarter=False, drag_Pa_per_m2=1e7):
+    def __init__(self, mesh, law=None, order=2, quarter=False, half=False, drag_Pa_per_m2=1e7):
         self.mesh, self.law, self.order = mesh, law or Material(), order
-        self.share = 4 if quarter else 1
+        self.planes = (1, 2) if quarter else (1,) if half else ()
+        self.share = 2 ** len(self.planes)
         self.drag0 = drag_Pa_per_m2
         V = self.V = fem.VectorFunctionSpace(mesh, ("CG", order))
         self.u, self.before = fem.Function(V), fem.Function(V)
@@ -154,7 +179,7 @@ class Body:
         self.dofs_high = fem.locate_dofs_geometrical(V, lambda p: p[0] > self.high - near)
         self.bcs = [fem.dirichletbc(np.zeros(3), self.dofs_low, V)]
         self.bcs.append(fem.dirichletbc(self.shift, self.dofs_high, V))
-        for d in (1, 2) if quarter else ():
+        for d in self.planes:
             facets = dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda p: np.abs(p[d]) < 1e-9)
             dofs = fem.locate_dofs_topological(V.sub(d), 2, facets)
             self.bcs.append(fem.dirichletbc(PETSc.ScalarType(0), dofs, V.sub(d)))
@@ -270,15 +295,28 @@ class Body:
         return self.integral(weight * ufl.sqrt(now + 1e-16)) / self.integral(
             weight * ufl.sqrt(X[1] ** 2 + X[2] ** 2 + 1e-16)) - 1
 
-    def mean_pressure(self):
-        """Volume mean of -tr(Cauchy stress)/3, Pa."""
+    def _pressure(self):
+        """-tr(Cauchy stress)/3, Pa."""
         F = ufl.variable(ufl.Identity(3) + ufl.grad(self.u))
         J = ufl.det(F)
         pressure = -self.law.K * ufl.ln(J) / J
         if not self.law.volume_free:
             _, fibres = _stress(self.u, self.law, self.alpha)
             pressure = pressure - ufl.tr(fibres * (ufl.Identity(3) + ufl.grad(self.u)).T) / (3 * J)
-        return self.integral(pressure) / self.volume
+        return pressure
+
+    def mean_pressure(self, from_x=-np.inf, to_x=np.inf):
+        """Volume mean of -tr(Cauchy stress)/3 between two rest sections, Pa."""
+        x = ufl.SpatialCoordinate(self.mesh)[0]
+        inside = ufl.conditional(ufl.And(ufl.gt(x, max(from_x, -1e3)), ufl.lt(x, min(to_x, 1e3))), 1.0, 0.0)
+        return self.integral(inside * self._pressure()) / self.integral(inside * 1.0)
+
+    def cell_pressures(self):
+        """Pressure amid each tetrahedron, Pa."""
+        Q = fem.FunctionSpace(self.mesh, ("DG", 0))
+        amid = fem.Function(Q)
+        amid.interpolate(fem.Expression(self._pressure(), Q.element.interpolation_points()))
+        return amid.x.array.copy()
 
     def volume_ratio(self):
         return self.integral(ufl.det(ufl.Identity(3) + ufl.grad(self.u))) / self.volume

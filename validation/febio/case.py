@@ -1,0 +1,67 @@
+"""The belly's finite-element models as FEBio input, checked as far as that goes without FEBio."""
+import febio
+import numpy as np
+from material import Material
+
+TITLE = "Input files for FEBio"
+QUESTION = """The models of the belly case are written as .feb files (material "muscle material", the same meshes of linear
+and of quadratic tetrahedra, the same conditions) for users of FEBio. Read back, are they the models that were solved here:
+meshes, held nodes, material law? The forces by which to compare are those of dolfinx on the same meshes."""
+
+ALPHA = 0.3
+
+
+def model(r, size, order):
+    """Writes one model; returns its row of the table and what was found wrong, by criterion."""
+    import fem
+
+    mesh = fem.belly_mesh(size, 0.0424, 0.1576)
+    law = Material(volume_free=True)
+    body = fem.Body(mesh, law, order, quarter=True)
+    for alpha in (0.03, 0.1, 0.2, ALPHA):
+        body.solve(alpha=alpha, say=r.say)
+    force, u = body.end_force()[0], 4 * body.volume * body.mean_displacement()
+    nodes, cells = fem.elements(body)
+    path = r.root / "build" / "febio" / f"belly_{cells.shape[1]}_{len(cells)}.feb"
+    febio.write(path, nodes, cells, law, ALPHA, body.planes,
+                f"A quarter of the free part of the belly. dolfinx on this mesh, activation {ALPHA} at rest: end force of the "
+                f"whole {force:.3f} N, in size four times the sum of Rx at the insertion")
+    row = [path.name, f"tet{cells.shape[1]}", len(cells), len(nodes), force, 1e3 * u / (4 * body.volume)]
+    return row, faults(path, body, nodes, law)
+
+
+def faults(path, body, nodes, law):
+    back, cells, sets, fixed, material = febio.read(path)
+    volumes = febio.jacobians(back, cells)
+    stretch = np.linspace(0.35, 2.2, 1000)
+    scale = law.sigma_max
+    off = [np.abs(febio.fibre_stress(material, stretch, a) - law.fibre(stretch, a)).max() / scale for a in (0.0, ALPHA, 1.0)]
+    x = body.points()[0]
+    held = {"origin": len(body.dofs_low), "insertion": len(body.dofs_high)}
+    wrong_sets = sum(abs(len(sets[name]) - n) for name, n in held.items())
+    wrong_sets += sum(np.sum(np.abs(back[sets[f"symmetry_{a}"]][:, k]) > 1e-8) for a, k in (("y", 1), ("z", 2)))
+    wrong_sets += fixed != {"origin": "xyz", "insertion": "xyz", "symmetry_y": "y", "symmetry_z": "z"}
+    return {"nodes that are missing, superfluous or in no element": abs(len(back) - len(x)) + len(back) - len(
+                np.unique(cells)),
+            "elements with a determinant below 0": np.sum(volumes <= 0),
+            "volume over that of the model, less 1, in millionths": 1e6 * abs(volumes.sum() / body.volume - 1),
+            "nodes held wrongly": wrong_sets,
+            "fibre law over sigma_max, off by millionths": 1e6 * max(off)}
+
+
+def run(r):
+    sizes = [0.012] if r.quick else [0.012, 0.008, 0.0055]
+    rows, found = [], {}
+    for size in sizes:
+        for order in (1, 2):
+            row, wrong = model(r, size, order)
+            rows.append(row)
+            for what, value in wrong.items():
+                found[what] = max(found.get(what, 0), float(value))
+    for what, value in found.items():
+        r.check(f"{what}, worst of {len(rows)} files", value, below=1 if "millionths" in what else 0, unit="")
+    r.table("models", f"The models, and what dolfinx finds on them at activation {ALPHA}.",
+            ["file", "elements", "how many", "nodes", "end force of the whole (N)", "mean displacement of the free part (mm)"],
+            rows)
+    r.note("The files are written to build/febio. FEBio itself was not run here: what is checked is that a file says what was "
+           "solved, with FEBio's documented format and formulas.")
