@@ -187,6 +187,9 @@ class Muscle:
     def advance(self, seconds):
         self._do("sphm_muscle_advance", self._handle, ctypes.c_double(seconds))
 
+    def step(self, count):
+        self._do("sphm_muscle_step", self._handle, ctypes.c_size_t(count))
+
     def activate(self, activation, seconds=0.0):
         self._do("sphm_muscle_activate", self._handle, ctypes.c_double(activation), ctypes.c_double(seconds))
 
