@@ -16,7 +16,7 @@
 
 #include "core/context.h"
 #include "core/point_grid.h"
-#include "kernels/vector.h"
+#include "kernels/look.h"
 
 enum { MOST_NEIGHBOURS = 64 }; /* in the lattice 26; jitter may bring a few more */
 
@@ -135,14 +135,8 @@ void sphm_fibre_stretch(const sphm_fibre_weights *weights, const sphm_real *posi
     (void)threads;
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (size_t i = 0; i < weights->count; ++i) {
-        const sphm_real *x = positions_m + 3 * i;
-        sphm_real f[3] = {0, 0, 0};
-        for (size_t n = weights->row_start[i]; n < weights->row_start[i + 1]; ++n) {
-            const sphm_real *y = positions_m + 3 * (size_t)weights->particle[n];
-            for (int a = 0; a < 3; ++a)
-                f[a] += weights->weight[n] * (y[a] - x[a]);
-        }
-        const int told = weights->row_start[i + 1] > weights->row_start[i];
-        stretch[i] = told ? (float)sqrt((double)(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])) : 1.0F;
+        const size_t begin = weights->row_start[i];
+        stretch[i] = sphm_look_stretch(positions_m, 3, i, weights->particle + begin, weights->weight + begin,
+                                       weights->row_start[i + 1] - begin);
     }
 }

@@ -12,15 +12,6 @@
 /* Where nothing is attached, an end is this share of the tissue. */
 static const double END_SHARE = 0.02;
 
-/* Sums over one block of ids, positions relative to the rest centroid. */
-typedef struct block_sums {
-    double position[3], velocity[3];
-    double moment[9], moment_rate[9]; /* sum x X^T, sum v X^T */
-    double section[SPHM_SECTIONS][3];
-    double end[2][3], end_velocity[2][3];
-} block_sums;
-_Static_assert(sizeof(block_sums) <= SPHM_OBSERVER_NUMBERS * sizeof(double), "raise SPHM_OBSERVER_NUMBERS");
-
 static void *take(sphm_observer *observer, size_t count, size_t size) {
     observer->memory_bytes += count * size;
     return calloc(count ? count : 1, size);
@@ -40,7 +31,7 @@ static void copy_rest(sphm_observer *observer, const sphm_state *state) {
         for (int a = 0; a < 3; ++a)
             sum[a] += (double)observer->rest_m[3 * i + a];
     for (int a = 0; a < 3; ++a)
-        observer->rest_centre_m[a] = sum[a] / (double)observer->count;
+        observer->look.rest_centre_m[a] = sum[a] / (double)observer->count;
     for (size_t i = 0; i < observer->count; ++i)
         observer->rest_volume_sum_m3 += observer->rest_volume_m3[i];
 }
@@ -60,8 +51,8 @@ static void divide_sections(sphm_observer *observer) {
     const double thickness = (highest - lowest) / SPHM_SECTIONS;
     for (size_t i = 0; i < observer->count; ++i) {
         const double section = thickness > 0 ? (along_axis(observer, i) - lowest) / thickness : 0;
-        observer->section[i] = (uint8_t)(section < SPHM_SECTIONS - 1 ? section : SPHM_SECTIONS - 1);
-        ++observer->section_count[observer->section[i]];
+        observer->role[i].section = (uint8_t)(section < SPHM_SECTIONS - 1 ? section : SPHM_SECTIONS - 1);
+        ++observer->look.section_count[observer->role[i].section];
     }
 }
 
@@ -80,108 +71,69 @@ static void find_end(sphm_observer *observer, int end) {
         const double from_end = end == 0 ? body->axial_fraction[i] : 1 - body->axial_fraction[i];
         const int member =
             by_attachment ? body->attachment[i] == attached : from_end <= END_SHARE || i == outermost;
-        if (member && !observer->end[i]) {
-            observer->end[i] = (uint8_t)(end + 1);
-            ++observer->end_count[end];
+        if (member && !observer->role[i].end) {
+            observer->role[i].end = (uint8_t)(end + 1);
+            ++observer->look.end_count[end];
         }
     }
 }
 
 static void count_regions(sphm_observer *observer) {
+    const sphm_body *body = &observer->model->body;
     for (size_t i = 0; i < observer->count; ++i) {
-        ++observer->region_count[observer->model->body.region[i]];
-        observer->outer_count += observer->model->body.outer[i] != 0;
+        observer->role[i].region = body->region[i];
+        observer->role[i].outer = body->outer[i] != 0;
+        observer->role[i].attached = body->attachment[i] != SPHM_FREE;
+        ++observer->region_count[body->region[i]];
+        observer->outer_count += body->outer[i] != 0;
+        observer->free_count += body->attachment[i] == SPHM_FREE;
     }
 }
 
-/* Adds one particle at x (relative to the rest centroid) with velocity v. */
-static void add_particle(const sphm_observer *observer, size_t i, const double x[3], const double v[3],
-                         block_sums *sums) {
-    double rest[3];
-    for (int a = 0; a < 3; ++a)
-        rest[a] = (double)observer->rest_m[3 * i + a] - observer->rest_centre_m[a];
-    for (int a = 0; a < 3; ++a) {
-        sums->position[a] += x[a];
-        sums->velocity[a] += v[a];
-        sums->section[observer->section[i]][a] += x[a];
-        for (int b = 0; b < 3; ++b) {
-            sums->moment[3 * a + b] += x[a] * rest[b];
-            sums->moment_rate[3 * a + b] += v[a] * rest[b];
-        }
-    }
-    if (observer->end[i])
-        for (int a = 0; a < 3; ++a) {
-            sums->end[observer->end[i] - 1][a] += x[a];
-            sums->end_velocity[observer->end[i] - 1][a] += v[a];
-        }
+static void set_constants(sphm_observer *observer) {
+    const sphm_model *model = observer->model;
+    sphm_look_constants *c = &observer->look;
+    c->count = (double)observer->count;
+    memcpy(c->axis, model->body.axis, sizeof c->axis);
+    memcpy(c->frame_m, model->frame_m, sizeof c->frame_m);
+    c->particle_mass_kg = model->particle_mass_kg;
+    c->resting_mV = model->parameters.resting_potential;
+    c->electrical_Pa_per_mV =
+        model->parameters.coupling == SPHM_COUPLING_PRESSURE ? model->parameters.electrical_pressure : 0;
+}
+
+sphm_look_particle sphm_look_particle_of(const sphm_state *state, size_t s) {
+    sphm_look_particle p;
+    p.place_m[0] = state->x[s], p.place_m[1] = state->y[s], p.place_m[2] = state->z[s];
+    p.velocity_m_per_s[0] = state->vx[s];
+    p.velocity_m_per_s[1] = state->vy[s];
+    p.velocity_m_per_s[2] = state->vz[s];
+    p.density_kg_per_m3 = state->density[s];
+    p.pressure_Pa = state->pressure[s];
+    p.potential_mV = state->membrane_potential[s];
+    p.recovery = state->recovery[s];
+    p.activation = state->activation[s];
+    p.unused = 0;
+    return p;
 }
 
 /* Sums one block; `state` NULL: the rest shape, which does not move. */
 static void sum_block(sphm_observer *observer, const sphm_state *state, size_t block) {
-    block_sums *sums = (block_sums *)observer->scratch + block;
+    sphm_shape_sums *sums = (sphm_shape_sums *)observer->scratch + block;
     memset(sums, 0, sizeof *sums);
     const size_t first = block * SPHM_OBSERVER_BLOCK;
     const size_t end =
         first + SPHM_OBSERVER_BLOCK < observer->count ? first + SPHM_OBSERVER_BLOCK : observer->count;
     for (size_t i = first; i < end; ++i) {
-        sphm_real *present = observer->present_m + 3 * i;
-        double v[3] = {0, 0, 0}, x[3];
-        if (state) {
-            const int32_t s = observer->slot[i];
-            present[0] = state->x[s], present[1] = state->y[s], present[2] = state->z[s];
-            v[0] = (double)state->vx[s], v[1] = (double)state->vy[s], v[2] = (double)state->vz[s];
-        } else
-            memcpy(present, observer->rest_m + 3 * i, 3 * sizeof *present);
-        for (int a = 0; a < 3; ++a)
-            x[a] = (double)present[a] - observer->rest_centre_m[a];
-        add_particle(observer, i, x, v, sums);
-    }
-}
-
-/* Angular velocity of the best rotation R of A = R S: with Omega = R^T dR/dt skew, R^T dA/dt - (dA/dt)^T R =
- * Omega S + S Omega, whose axial vector is (tr(S) I - S) w. Zero where that leaves w open. */
-static void turning(const double rotation[9], const double moment[9], const double rate[9], double w[3]) {
-    double s[9], t[9], axial[3], m[9];
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) {
-            s[3 * i + j] = t[3 * i + j] = 0;
-            for (int k = 0; k < 3; ++k) {
-                s[3 * i + j] += rotation[3 * k + i] * moment[3 * k + j];
-                t[3 * i + j] += rotation[3 * k + i] * rate[3 * k + j];
-            }
-        }
-    axial[0] = t[7] - t[5], axial[1] = t[2] - t[6], axial[2] = t[3] - t[1];
-    const double trace = s[0] + s[4] + s[8];
-    for (int i = 0; i < 9; ++i)
-        m[i] = (i % 4 == 0 ? trace : 0) - s[i];
-    const double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8],
-                 c2 = m[3] * m[7] - m[4] * m[6];
-    const double determinant = m[0] * c0 + m[1] * c1 + m[2] * c2;
-    w[0] = w[1] = w[2] = 0;
-    if (!(fabs(determinant) > 1e-9 * trace * trace * trace))
-        return;
-    w[0] = (c0 * axial[0] + (m[2] * m[7] - m[1] * m[8]) * axial[1] + (m[1] * m[5] - m[2] * m[4]) * axial[2]);
-    w[1] = (c1 * axial[0] + (m[0] * m[8] - m[2] * m[6]) * axial[1] + (m[2] * m[3] - m[0] * m[5]) * axial[2]);
-    w[2] = (c2 * axial[0] + (m[1] * m[6] - m[0] * m[7]) * axial[1] + (m[0] * m[4] - m[1] * m[3]) * axial[2]);
-    for (int a = 0; a < 3; ++a)
-        w[a] /= determinant;
-}
-
-static void finish(sphm_observer *observer, const block_sums *all) {
-    sphm_sums *sums = &observer->sums;
-    const double *centre = observer->rest_centre_m;
-    sphm_best_rotation(all->moment, sums->motion.rotation);
-    turning(sums->motion.rotation, all->moment, all->moment_rate, sums->motion.turning_rad_per_s);
-    for (int a = 0; a < 3; ++a) {
-        sums->motion.from_m[a] = centre[a];
-        sums->motion.to_m[a] = centre[a] + all->position[a] / (double)observer->count;
-        for (int k = 0; k < SPHM_SECTIONS; ++k)
-            if (observer->section_count[k])
-                sums->section_m[k][a] = centre[a] + all->section[k][a] / (double)observer->section_count[k];
-        for (int e = 0; e < 2; ++e) {
-            sums->end_m[e][a] = centre[a] + all->end[e][a] / (double)observer->end_count[e];
-            sums->end_m_per_s[e][a] = all->end_velocity[e][a] / (double)observer->end_count[e];
-        }
+        const sphm_real *rest = observer->rest_m + 3 * i;
+        sphm_look_particle p;
+        memset(&p, 0, sizeof p);
+        if (state)
+            p = sphm_look_particle_of(state, (size_t)observer->slot[i]);
+        else
+            memcpy(p.place_m, rest, sizeof p.place_m);
+        memcpy(observer->present_m + 3 * i, p.place_m, sizeof p.place_m);
+        sphm_look_add_shape(&observer->look, &observer->role[i], rest, &p, sums);
     }
 }
 
@@ -189,22 +141,33 @@ static void sum_all(sphm_observer *observer, const sphm_state *state) {
 #pragma omp parallel for schedule(static) num_threads(observer->threads)
     for (size_t block = 0; block < observer->blocks; ++block)
         sum_block(observer, state, block);
-    block_sums all;
+    sphm_shape_sums all;
     memset(&all, 0, sizeof all);
     for (size_t block = 0; block < observer->blocks; ++block) {
-        const double *from = (const double *)((const block_sums *)observer->scratch + block);
-        for (size_t k = 0; k < sizeof all / sizeof(double); ++k)
+        const double *from = (const double *)((const sphm_shape_sums *)observer->scratch + block);
+        for (size_t k = 0; k < SPHM_SHAPE_NUMBERS; ++k)
             ((double *)&all)[k] += from[k];
     }
-    finish(observer, &all);
+    sphm_look_find_shape(&observer->look, &all, &observer->shape);
 }
 
 /* What the rest shape measures, by the same sums. */
 static void look_at_rest(sphm_observer *observer) {
     sum_all(observer, NULL);
     observer->rest_length_m = sphm_observer_length(observer, NULL);
-    observer->rest_radius_m = sphm_observer_radius(observer);
-    memcpy(observer->rest_section_m, observer->sums.section_m, sizeof observer->rest_section_m);
+    memcpy(observer->rest_section_m, observer->shape.section_m, sizeof observer->rest_section_m);
+    double *part = observer->scratch, sum = 0;
+    for (size_t block = 0; block < observer->blocks; ++block) {
+        const size_t first = block * SPHM_OBSERVER_BLOCK;
+        part[block] = 0;
+        for (size_t i = first; i < first + SPHM_OBSERVER_BLOCK && i < observer->count; ++i)
+            if (observer->role[i].region == SPHM_REGION_CENTRE)
+                part[block] += sphm_look_radius(&observer->look, &observer->shape, observer->role[i].section,
+                                                observer->rest_m + 3 * i);
+        sum += part[block];
+    }
+    const size_t count = observer->region_count[SPHM_REGION_CENTRE];
+    observer->rest_radius_m = count ? sum / (double)count : 0;
 }
 
 sphm_status sphm_observer_create(const sphm_model *model, const sphm_state *state, sphm_observer **observer,
@@ -219,17 +182,17 @@ sphm_status sphm_observer_create(const sphm_model *model, const sphm_state *stat
     made->threads = sphm_team_size(model->parameters.threads);
     made->rest_m = take(made, 3 * made->count, sizeof *made->rest_m);
     made->rest_volume_m3 = take(made, made->count, sizeof *made->rest_volume_m3);
-    made->section = take(made, made->count, sizeof *made->section);
-    made->end = take(made, made->count, sizeof *made->end);
+    made->role = take(made, made->count, sizeof *made->role);
     made->slot = take(made, made->count, sizeof *made->slot);
     made->present_m = take(made, 3 * made->count, sizeof *made->present_m);
-    made->scratch = take(made, SPHM_OBSERVER_NUMBERS * made->blocks, sizeof *made->scratch);
-    if (!made->rest_m || !made->rest_volume_m3 || !made->section || !made->end || !made->slot ||
-        !made->present_m || !made->scratch) {
+    made->scratch = take(made, SPHM_SHAPE_NUMBERS * made->blocks, sizeof *made->scratch);
+    if (!made->rest_m || !made->rest_volume_m3 || !made->role || !made->slot || !made->present_m ||
+        !made->scratch) {
         sphm_observer_destroy(made);
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to observe %zu particles",
                          model->body.count);
     }
+    set_constants(made);
     copy_rest(made, state);
     divide_sections(made);
     find_end(made, 0);
@@ -245,8 +208,7 @@ void sphm_observer_destroy(sphm_observer *observer) {
         return;
     free(observer->rest_m);
     free(observer->rest_volume_m3);
-    free(observer->section);
-    free(observer->end);
+    free(observer->role);
     free(observer->slot);
     free(observer->present_m);
     free(observer->scratch);
@@ -258,26 +220,8 @@ void sphm_observer_destroy(sphm_observer *observer) {
 }
 
 void sphm_observer_look(sphm_observer *observer, const sphm_state *state) {
+    set_constants(observer); /* the model is borrowed: whoever owns it may have set another parameter */
     for (size_t s = 0; s < state->count; ++s)
         observer->slot[state->id[s]] = (int32_t)s;
     sum_all(observer, state);
-}
-
-void sphm_observer_carry(const sphm_observer *observer, const double rest_m[3], double place_m[3]) {
-    const sphm_rigid_motion *motion = &observer->sums.motion;
-    double from[3];
-    for (int a = 0; a < 3; ++a)
-        from[a] = rest_m[a] - motion->from_m[a];
-    sphm_multiply3(motion->rotation, from, place_m);
-    for (int a = 0; a < 3; ++a)
-        place_m[a] += motion->to_m[a];
-}
-
-void sphm_observer_displacement(const sphm_observer *observer, size_t id, double displacement_m[3]) {
-    const sphm_real *rest = observer->rest_m + 3 * id, *present = observer->present_m + 3 * id;
-    const double from[3] = {rest[0], rest[1], rest[2]};
-    double carried[3];
-    sphm_observer_carry(observer, from, carried);
-    for (int a = 0; a < 3; ++a)
-        displacement_m[a] = (double)present[a] - carried[a];
 }

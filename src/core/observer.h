@@ -10,28 +10,15 @@
 #include "core/model.h"
 #include "core/skin.h"
 #include "core/state.h"
+#include "kernels/look.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum { SPHM_SECTIONS = 20, SPHM_OBSERVER_BLOCK = 1024, SPHM_OBSERVER_NUMBERS = 104 };
+enum { SPHM_OBSERVER_BLOCK = 1024 };
 
 typedef struct sphm_observer sphm_observer;
-
-/* x = to + rotation (X - from), and how fast that changes. */
-typedef struct sphm_rigid_motion {
-    double rotation[9];
-    double from_m[3], to_m[3];   /* centroids of the rest shape and of the present one */
-    double turning_rad_per_s[3]; /* angular velocity in the frame of the rest shape: d/dt R = R [turning] */
-} sphm_rigid_motion;
-
-/* What one look yields before it is turned into an observation. */
-typedef struct sphm_sums {
-    sphm_rigid_motion motion;
-    double section_m[SPHM_SECTIONS][3];    /* centroids; 0 where a section is empty */
-    double end_m[2][3], end_m_per_s[2][3]; /* centroids of the two ends, and their velocities */
-} sphm_sums;
 
 struct sphm_observer {
     const sphm_model *model; /* borrowed */
@@ -42,18 +29,17 @@ struct sphm_observer {
     /* By id, constant. */
     sphm_real *rest_m;      /* [3 * count], relative to model->frame_m */
     double *rest_volume_m3; /* [count], mass over rest density */
-    uint8_t *section;       /* [count], 0 ... SPHM_SECTIONS - 1 */
-    uint8_t *end;           /* [count], 1: at the origin, 2: at the insertion, 0 */
-    double rest_centre_m[3];
+    sphm_look_role *role;   /* [count] */
+    sphm_look_constants look;
     double rest_section_m[SPHM_SECTIONS][3];
-    size_t section_count[SPHM_SECTIONS], end_count[2], region_count[SPHM_REGION_COUNT], outer_count;
+    size_t region_count[SPHM_REGION_COUNT], outer_count, free_count;
     double rest_length_m, rest_radius_m, rest_volume_sum_m3; /* as observed on the rest shape */
 
     /* By id, of the last look. */
     int32_t *slot;        /* [count], the particle's slot in the state */
     sphm_real *present_m; /* [3 * count], relative to model->frame_m */
-    sphm_sums sums;
-    double *scratch; /* [SPHM_OBSERVER_NUMBERS * blocks], partial sums of the blocks */
+    sphm_look_shape shape;
+    double *scratch; /* [SPHM_SHAPE_NUMBERS * blocks], partial sums of the blocks */
 
     /* Made when first asked for. */
     float *fields; /* [17 * count]: sphm_particles */
@@ -67,19 +53,12 @@ sphm_status sphm_observer_create(const sphm_model *model, const sphm_state *stat
                                  sphm_context *context);
 void sphm_observer_destroy(sphm_observer *observer); /* NULL is fine */
 
-/* Fills slot, present_m and sums. */
+/* Fills slot, present_m and shape. */
 void sphm_observer_look(sphm_observer *observer, const sphm_state *state);
-/* Where the best rigid motion takes a place of the rest shape; both relative to model->frame_m. */
-void sphm_observer_carry(const sphm_observer *observer, const double rest_m[3], double place_m[3]);
-/* The present position of particle `id` minus the place the best rigid motion takes its rest position to. */
-void sphm_observer_displacement(const sphm_observer *observer, size_t id, double displacement_m[3]);
-/* Mean distance of the centre region's particles from the centroid of their section, across the carried axis.
- */
-double sphm_observer_radius(const sphm_observer *observer);
 /* Distance of the centroids of the two ends along the carried line of action, and its rate. */
 double sphm_observer_length(const sphm_observer *observer, double *speed_m_per_s);
-/* kappa max(0, Vm - Vr), or 0 where the coupling is not through the pressure. */
-double sphm_electrical_pressure(const sphm_model *model, double membrane_potential_mV);
+/* The particle in slot `slot` of a state. */
+sphm_look_particle sphm_look_particle_of(const sphm_state *state, size_t slot);
 
 /* The muscle's own observer, made when first asked for; NULL, with a message, without memory. */
 sphm_observer *sphm_muscle_observer(sphm_muscle *muscle, sphm_context *context);
@@ -90,10 +69,20 @@ sphm_status sphm_observer_particles(sphm_observer *observer, const sphm_state *s
                                     sphm_particles *particles, sphm_context *context);
 sphm_status sphm_observer_observe(sphm_observer *observer, const sphm_state *state,
                                   sphm_observation *observation, sphm_context *context);
+/* Everything of an observation that the sums over the particles tell, for the shape in observer->shape. */
+void sphm_observer_fill(const sphm_observer *observer, const sphm_field_sums *sums,
+                        sphm_observation *observation);
+/* The weights of the fibre stretch, when they are first needed. */
+sphm_status sphm_observer_prepare(sphm_observer *observer, sphm_context *context);
+/* The arrays of sphm_particles in `fields`, as sphm_look_pack() has put them there. */
+void sphm_observer_hand_out(const sphm_observer *observer, const float *fields, sphm_particles *particles);
 /* Mean fibre stretch of what is not attached over optimal_fibre_stretch, as of the last look. */
 sphm_status sphm_observer_fibre_length(sphm_observer *observer, double *length, sphm_context *context);
 sphm_status sphm_observer_skin(sphm_observer *observer, const sphm_state *state, int field, sphm_skin *skin,
                                sphm_context *context);
+/* The same of particles that are there, at places [3 * count] by id, for the motion in observer->shape. */
+sphm_status sphm_observer_drape(sphm_observer *observer, const sphm_particles *particles,
+                                const sphm_real *places_m, int field, sphm_skin *skin, sphm_context *context);
 
 #ifdef __cplusplus
 }

@@ -6,12 +6,8 @@
 #include "core/observer.h"
 #include "kernels/vector.h"
 
-/* The buffers: 11 fields, of which three are vectors. */
-enum { NUMBERS = 17 };
-
-static void hand_out(const sphm_observer *observer, sphm_particles *particles) {
+void sphm_observer_hand_out(const sphm_observer *observer, const float *f, sphm_particles *particles) {
     const size_t n = observer->count;
-    const float *f = observer->fields;
     particles->count = n;
     particles->position_m = f;
     particles->velocity_m_per_s = f + 3 * n;
@@ -26,46 +22,29 @@ static void hand_out(const sphm_observer *observer, sphm_particles *particles) {
     particles->fibre_stretch = f + 16 * n;
 }
 
-/* Buffers and the weights of the fibre stretch, when particles are first asked for. */
-static sphm_status prepare(sphm_observer *observer, sphm_context *context) {
-    if (observer->fields)
+sphm_status sphm_observer_prepare(sphm_observer *observer, sphm_context *context) {
+    if (observer->fibre.row_start)
         return SPHM_OK;
     const sphm_body *body = &observer->model->body;
     const sphm_status status = sphm_fibre_weights_create(body->positions, body->fibres, observer->count,
                                                          body->spacing_m, &observer->fibre, context);
-    if (status != SPHM_OK)
-        return status;
-    observer->fields = malloc(NUMBERS * observer->count * sizeof *observer->fields);
-    if (!observer->fields) {
-        sphm_fibre_weights_free(&observer->fibre);
-        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the fields of %zu particles",
-                         observer->count);
-    }
-    observer->memory_bytes += NUMBERS * observer->count * sizeof *observer->fields +
-                              observer->count * sizeof *observer->fibre.row_start +
-                              observer->fibre.row_start[observer->count] * 8;
-    return SPHM_OK;
+    if (status == SPHM_OK)
+        observer->memory_bytes += observer->count * sizeof *observer->fibre.row_start +
+                                  observer->fibre.row_start[observer->count] * 8;
+    return status;
 }
 
-static void gather(const sphm_observer *observer, const sphm_state *state, size_t i) {
-    const size_t n = observer->count, s = (size_t)observer->slot[i];
-    const double v[3] = {(double)state->vx[s], (double)state->vy[s], (double)state->vz[s]};
-    const double potential_mV = (double)state->membrane_potential[s];
-    float *f = observer->fields;
-    double d[3];
-    sphm_observer_displacement(observer, i, d);
-    for (size_t a = 0; a < 3; ++a) {
-        f[3 * i + a] = (float)((double)observer->present_m[3 * i + a] + observer->model->frame_m[a]);
-        f[3 * n + 3 * i + a] = (float)v[a];
-        f[6 * n + 3 * i + a] = (float)d[a];
-    }
-    f[9 * n + i] = (float)sqrt(sphm_dot3(d, d));
-    f[10 * n + i] = (float)state->pressure[s];
-    f[11 * n + i] = (float)sphm_electrical_pressure(observer->model, potential_mV);
-    f[12 * n + i] = (float)state->density[s];
-    f[13 * n + i] = (float)potential_mV;
-    f[14 * n + i] = (float)state->recovery[s];
-    f[15 * n + i] = (float)state->activation[s];
+/* The buffers too. */
+static sphm_status prepare(sphm_observer *observer, sphm_context *context) {
+    const sphm_status status = sphm_observer_prepare(observer, context);
+    if (status != SPHM_OK || observer->fields)
+        return status;
+    observer->fields = malloc(SPHM_LOOK_FIELDS * observer->count * sizeof *observer->fields);
+    if (!observer->fields)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the fields of %zu particles",
+                         observer->count);
+    observer->memory_bytes += SPHM_LOOK_FIELDS * observer->count * sizeof *observer->fields;
+    return SPHM_OK;
 }
 
 sphm_status sphm_observer_fibre_length(sphm_observer *observer, double *length, sphm_context *context) {
@@ -92,10 +71,13 @@ sphm_status sphm_observer_particles(sphm_observer *observer, const sphm_state *s
         return status;
     sphm_observer_look(observer, state);
 #pragma omp parallel for schedule(static) num_threads(observer->threads)
-    for (size_t i = 0; i < observer->count; ++i)
-        gather(observer, state, i);
+    for (size_t i = 0; i < observer->count; ++i) {
+        const sphm_look_particle p = sphm_look_particle_of(state, (size_t)observer->slot[i]);
+        sphm_look_pack(&observer->look, &observer->shape.motion, observer->rest_m + 3 * i, &p, i,
+                       observer->count, observer->fields);
+    }
     sphm_fibre_stretch(&observer->fibre, observer->present_m, observer->threads,
                        observer->fields + 16 * observer->count);
-    hand_out(observer, particles);
+    sphm_observer_hand_out(observer, observer->fields, particles);
     return SPHM_OK;
 }

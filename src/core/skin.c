@@ -209,23 +209,27 @@ static sphm_status prepare(sphm_observer *observer, sphm_context *context) {
     return SPHM_OK;
 }
 
-sphm_status sphm_observer_skin(sphm_observer *observer, const sphm_state *state, int field, sphm_skin *skin,
-                               sphm_context *context) {
-    if (field < 0 || field >= SPHM_FIELD_COUNT)
-        return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
-                         "field %d is unknown; it must be 0 ... %d (SPHM_FIELD_...)", field,
-                         SPHM_FIELD_COUNT - 1);
-    sphm_particles particles;
-    sphm_status status = prepare(observer, context);
+static sphm_status check_field(int field, sphm_context *context) {
+    if (field >= 0 && field < SPHM_FIELD_COUNT)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
+                     "field %d is unknown; it must be 0 ... %d (SPHM_FIELD_...)", field,
+                     SPHM_FIELD_COUNT - 1);
+}
+
+sphm_status sphm_observer_drape(sphm_observer *observer, const sphm_particles *particles,
+                                const sphm_real *places_m, int field, sphm_skin *skin,
+                                sphm_context *context) {
+    sphm_status status = check_field(field, context);
     if (status == SPHM_OK)
-        status = sphm_observer_particles(observer, state, &particles, context);
+        status = prepare(observer, context);
     if (status != SPHM_OK)
         return status;
-    const float *const fields[SPHM_FIELD_COUNT] = {particles.displacement_m, particles.pressure_Pa,
-                                                   particles.membrane_potential_mV, particles.activation,
-                                                   particles.fibre_stretch};
-    sphm_skin_carry(&observer->skin, observer->present_m, observer->sums.motion.rotation,
-                    observer->model->frame_m, observer->threads, observer->vertices_m);
+    const float *const fields[SPHM_FIELD_COUNT] = {particles->displacement_m, particles->pressure_Pa,
+                                                   particles->membrane_potential_mV, particles->activation,
+                                                   particles->fibre_stretch};
+    sphm_skin_carry(&observer->skin, places_m, observer->shape.motion.rotation, observer->model->frame_m,
+                    observer->threads, observer->vertices_m);
     sphm_skin_blend(&observer->skin, fields[field], observer->threads, observer->vertex_field);
     const sphm_surface *surface = &observer->model->body.surface;
     skin->vertex_count = surface->vertex_count;
@@ -234,4 +238,15 @@ sphm_status sphm_observer_skin(sphm_observer *observer, const sphm_state *state,
     skin->triangles = surface->triangles;
     skin->field = observer->vertex_field;
     return SPHM_OK;
+}
+
+sphm_status sphm_observer_skin(sphm_observer *observer, const sphm_state *state, int field, sphm_skin *skin,
+                               sphm_context *context) {
+    sphm_particles particles;
+    sphm_status status = check_field(field, context);
+    if (status == SPHM_OK)
+        status = sphm_observer_particles(observer, state, &particles, context);
+    return status == SPHM_OK
+               ? sphm_observer_drape(observer, &particles, observer->present_m, field, skin, context)
+               : status;
 }
