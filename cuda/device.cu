@@ -1,4 +1,4 @@
-/* sphm_device_ops with CUDA's runtime: memory, copies, one stream, one graph. */
+/* sphm_device_ops with CUDA's runtime: memory, copies, two streams, one graph. */
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -8,6 +8,7 @@
 #include "core/backend.h"
 #include "cuda/check.h"
 #include "cuda/device.h"
+#include "cuda/look_launch.h"
 #include "cuda/solid_backend.h"
 #include "cuda/solid_launch.h"
 
@@ -16,9 +17,11 @@ enum { MOST_ALLOCATIONS = 4 };
 struct sphm_device {
     int index;
     char name[128];
-    cudaStream_t stream;
-    cudaGraphExec_t graph;  /* what was kept; null: nothing */
-    cudaEvent_t begin, end; /* null: launches are not timed */
+    cudaStream_t stream;       /* of the steps */
+    cudaStream_t looking;      /* beside it */
+    cudaEvent_t there, marked; /* what is looked at is there; the look is finished */
+    cudaGraphExec_t graph;     /* what was kept; null: nothing */
+    cudaEvent_t begin, end;    /* null: launches are not timed */
     double launch_s[SPHM_SOLID_LAUNCHES];
     int memory_count, host_memory_count;
     void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
@@ -43,20 +46,21 @@ void close(sphm_device *device) {
         return;
     /* What fails here has been reported already, and nothing can be done about it. */
     (void)cudaSetDevice(device->index);
-    if (device->stream)
-        (void)cudaStreamSynchronize(device->stream);
+    for (cudaStream_t stream : {device->stream, device->looking})
+        if (stream)
+            (void)cudaStreamSynchronize(stream);
     if (device->graph)
         (void)cudaGraphExecDestroy(device->graph);
     for (int k = 0; k < device->memory_count; ++k)
         (void)cudaFree(device->memory[k]);
     for (int k = 0; k < device->host_memory_count; ++k)
         (void)cudaFreeHost(device->host_memory[k]);
-    if (device->begin)
-        (void)cudaEventDestroy(device->begin);
-    if (device->end)
-        (void)cudaEventDestroy(device->end);
-    if (device->stream)
-        (void)cudaStreamDestroy(device->stream);
+    for (cudaEvent_t event : {device->begin, device->end, device->there, device->marked})
+        if (event)
+            (void)cudaEventDestroy(event);
+    for (cudaStream_t stream : {device->stream, device->looking})
+        if (stream)
+            (void)cudaStreamDestroy(stream);
     (void)cudaGetLastError();
     free(device);
 }
@@ -68,8 +72,14 @@ sphm_status prepare(sphm_device *device, sphm_context *context) {
     snprintf(device->name, sizeof device->name, "cuda: %.96s (sm_%d%d)", properties.name, properties.major,
              properties.minor);
     TRY(cudaSetDevice(device->index), "use the device");
-    /* Non-blocking: it does not wait for the default stream, which other code in the process may use. */
-    TRY(cudaStreamCreateWithFlags(&device->stream, cudaStreamNonBlocking), "make a stream");
+    /* Non-blocking: they do not wait for the default stream, which other code in the process may use. Where
+     * both have blocks to start, the steps' come first. */
+    int least = 0, greatest = 0;
+    TRY(cudaDeviceGetStreamPriorityRange(&least, &greatest), "say which priorities streams have");
+    TRY(cudaStreamCreateWithPriority(&device->stream, cudaStreamNonBlocking, greatest), "make a stream");
+    TRY(cudaStreamCreateWithPriority(&device->looking, cudaStreamNonBlocking, least), "make a stream");
+    TRY(cudaEventCreateWithFlags(&device->there, cudaEventDisableTiming), "make an event");
+    TRY(cudaEventCreateWithFlags(&device->marked, cudaEventDisableTiming), "make an event");
     if (getenv("SPH_MUSCLE_TIME_LAUNCHES")) { /* bench/gpu.sh; a parameter would be in every muscle's file */
         TRY(cudaEventCreate(&device->begin), "make an event");
         TRY(cudaEventCreate(&device->end), "make an event");
@@ -207,8 +217,56 @@ sphm_status wait(sphm_device *device, sphm_context *context) {
     return sphm_cuda_check(cudaStreamSynchronize(device->stream), "finish what it was given", context);
 }
 
-const sphm_device_ops device_ops = {open,   close,  name, allocate, allocate_host, upload, download,
-                                    launch, record, keep, play,     launch_times,  wait};
+/* Looking ------------------------------------------------------------------------------------------------ */
+
+sphm_status look_after(sphm_device *device, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    TRY(cudaEventRecord(device->there, device->stream), "record an event");
+    return sphm_cuda_check(cudaStreamWaitEvent(device->looking, device->there, 0), "wait for an event",
+                           context);
+}
+
+sphm_status launch_look(sphm_device *device, const sphm_look_device *look, int launch,
+                        sphm_context *context) {
+    const sphm_status status = use(device, context);
+    return status == SPHM_OK ? sphm_cuda_launch_look(device->looking, look, launch, context) : status;
+}
+
+sphm_status bring(sphm_device *device, void *to, const void *from, size_t bytes, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK || bytes == 0)
+        return status;
+    return sphm_cuda_check(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToHost, device->looking), "copy",
+                           context);
+}
+
+sphm_status mark(sphm_device *device, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    return sphm_cuda_check(cudaEventRecord(device->marked, device->looking), "record an event", context);
+}
+
+sphm_status marked(sphm_device *device, int wait, int *done, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    *done = 0;
+    if (status != SPHM_OK)
+        return status;
+    const cudaError_t error = wait ? cudaEventSynchronize(device->marked) : cudaEventQuery(device->marked);
+    if (error == cudaErrorNotReady) {
+        (void)cudaGetLastError();
+        return SPHM_OK;
+    }
+    TRY(error, "finish a look");
+    *done = 1;
+    return SPHM_OK;
+}
+
+const sphm_device_ops device_ops = {open,     close,      name,        allocate, allocate_host, upload,
+                                    download, launch,     record,      keep,     play,          launch_times,
+                                    wait,     look_after, launch_look, bring,    mark,          marked};
 
 sphm_status create_solid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);

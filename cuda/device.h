@@ -2,12 +2,14 @@
  * host, with the same threads in a loop, so that everything but device.cu and the launches can be tested
  * without a GPU.
  *
- * A device belongs to one back end and has one stream: what is asked for is done in that order, and later.
+ * A device belongs to one back end and has a stream: what is asked for is done in that order, and later. A
+ * second stream is for looking at what the first has computed (cuda/look.h), beside what the first does next.
  * All fallible functions leave a message that says what failed; after a SPHM_FAILED_BACKEND nothing works any
  * more but close(). */
 #ifndef SPHM_CUDA_DEVICE_H
 #define SPHM_CUDA_DEVICE_H
 
+#include "cuda/look_layout.h"
 #include "cuda/solid_layout.h"
 
 #ifdef __cplusplus
@@ -43,8 +45,21 @@ typedef struct sphm_device_ops {
     /* NULL, or [SPHM_SOLID_LAUNCHES] seconds that each kind of launch has taken: a device that was opened to
      * time its launches waits for each of them, and is given none to keep. */
     const double *(*launch_times)(const sphm_device *device);
-    /* Until everything is done; reports what failed on the way. */
+    /* Until the first stream has done everything; reports what failed on the way. */
     sphm_status (*wait)(sphm_device *device, sphm_context *context);
+
+    /* The second stream: what it is given from now on begins when the first has done what it was given
+     * before. The first never waits for the second. */
+    sphm_status (*look_after)(sphm_device *device, sphm_context *context);
+    sphm_status (*launch_look)(sphm_device *device, const sphm_look_device *look, int launch,
+                               sphm_context *context);
+    /* As download(). */
+    sphm_status (*bring)(sphm_device *device, void *to, const void *from, size_t bytes,
+                         sphm_context *context);
+    /* Marks what the second stream has been given so far; has it been done, or, waiting for it, did it fail?
+     */
+    sphm_status (*mark)(sphm_device *device, sphm_context *context);
+    sphm_status (*marked)(sphm_device *device, int wait, int *done, sphm_context *context);
 } sphm_device_ops;
 
 #ifdef __cplusplus

@@ -1,5 +1,5 @@
-/* The solid tissue on a device: creation, looking, limits, wrenches. Memory is in solid_memory.c, steps are
- * in solid_submit.c. */
+/* The solid tissue on a device: creation, the state on the host, limits. Memory is in solid_memory.c, steps
+ * are in solid_submit.c, wrenches and looks in files of their name. */
 #include "cuda/solid_backend.h"
 
 #include <math.h>
@@ -27,6 +27,7 @@ static void destroy(sphm_backend *backend) {
     sphm_solid_backend *b = inside(backend);
     if (!b)
         return;
+    sphm_look_destroy(b->look);
     b->ops->close(b->device);
     sphm_solid_rest_free(&b->rest);
     free(b);
@@ -180,6 +181,8 @@ static sphm_timing timing(const sphm_backend *backend) {
         t.diffusion_s = launch_s[SPHM_SOLID_SPREAD] - b->launch_s[SPHM_SOLID_SPREAD];
     }
     t.memory_bytes = sizeof *b + sphm_state_bytes(b->rest.state.count) + b->device_bytes + b->host_bytes;
+    if (b->look)
+        t.memory_bytes += b->look->device_bytes + b->look->host_bytes;
     return t;
 }
 
@@ -195,70 +198,18 @@ static const char *device(const sphm_backend *backend) {
     return look_inside(backend)->ops->name(look_inside(backend)->device);
 }
 
-/* Wrench ------------------------------------------------------------------------------------------------- */
-
-/* Has part `part` of the wrench summed, into its place in host.part_sum. */
-static sphm_status sum_part(sphm_solid_backend *b, int part, int end, const double pivot_m[3]) {
-    sphm_solid_call call;
-    memset(&call, 0, sizeof call);
-    call.with_activation = part > 0;
-    call.with_damping = part > 1;
-    call.end = end;
-    memcpy(call.pivot_m, pivot_m, sizeof call.pivot_m);
-    sphm_status status = SPHM_OK;
-    for (int which = SPHM_SOLID_PART_STRAIN; which <= SPHM_SOLID_PART_SUM && status == SPHM_OK; ++which) {
-        call.launch = which;
-        status = b->ops->launch(b->device, &b->solid, &call, NULL);
-    }
-    const size_t count = 6 * SPHM_SOLID_PARTIALS;
-    return status == SPHM_OK ? b->ops->download(b->device, b->host.part_sum + (size_t)part * count,
-                                                b->solid.part_sum, count * sizeof(double), NULL)
-                             : status;
-}
-
-static void add_partials(const sphm_solid_backend *b, int part, double force[3], double moment[3]) {
-    const double *sum = b->host.part_sum + (size_t)part * 6 * SPHM_SOLID_PARTIALS;
-    memset(force, 0, 3 * sizeof *force);
-    memset(moment, 0, 3 * sizeof *moment);
-    for (size_t t = 0; t < SPHM_SOLID_PARTIALS; ++t, sum += 6)
-        for (int d = 0; d < 3; ++d) {
-            force[d] += sum[d];
-            moment[d] += sum[3 + d];
-        }
-}
-
-/* The stress is a sum, so the parts are differences of sums with and without. */
-static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *w) {
-    sphm_solid_backend *b = inside(backend);
-    const sphm_end_block *block = &b->model->ends[end];
-    sphm_end_state now;
-    double pivot[3], elastic_N[3], elastic_Nm[3];
-    sphm_end_frame_state(block, drive, b->clock.time_s, &b->clock.ends[end], &now);
-    for (int d = 0; d < 3; ++d)
-        pivot[d] = now.position_m[d] - b->model->frame_m[d];
-    sphm_status status = b->failed ? SPHM_FAILED_BACKEND : SPHM_OK;
-    for (int part = 0; part < SPHM_SOLID_PARTS && status == SPHM_OK; ++part)
-        status = sum_part(b, part, end, pivot);
-    if (status == SPHM_OK)
-        status = b->ops->wait(b->device, NULL);
-    if (status != SPHM_OK) {
-        b->failed = 1;
-        for (size_t d = 0; d < sizeof *w / sizeof(double); ++d)
-            ((double *)w)[d] = NAN;
-        return;
-    }
-    add_partials(b, 0, w->passive_N, w->passive_Nm);
-    add_partials(b, 1, elastic_N, elastic_Nm);
-    add_partials(b, 2, w->force_N, w->moment_Nm);
-    for (int d = 0; d < 3; ++d) {
-        w->active_N[d] = elastic_N[d] - w->passive_N[d];
-        w->active_Nm[d] = elastic_Nm[d] - w->passive_Nm[d];
-        w->damping_N[d] = w->force_N[d] - elastic_N[d];
-        w->damping_Nm[d] = w->moment_Nm[d] - elastic_Nm[d];
-    }
-    sphm_end_put_tendon_between(block, drive, b->clock.time_s, &b->clock.ends[end], w);
-}
-
-const sphm_backend_ops sphm_device_solid_backend = {
-    "cuda", NULL,   destroy,  sphm_solid_step,      view, restore, limits, timing, reset_timing,
-    device, wrench, clock_of, SPHM_SUBMISSION_STEPS};
+const sphm_backend_ops sphm_device_solid_backend = {"cuda",
+                                                    NULL,
+                                                    destroy,
+                                                    sphm_solid_step,
+                                                    view,
+                                                    restore,
+                                                    limits,
+                                                    timing,
+                                                    reset_timing,
+                                                    device,
+                                                    sphm_solid_wrench,
+                                                    clock_of,
+                                                    SPHM_SUBMISSION_STEPS,
+                                                    sphm_solid_look,
+                                                    sphm_solid_looked};

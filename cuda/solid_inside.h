@@ -2,6 +2,7 @@
 #ifndef SPHM_CUDA_SOLID_INSIDE_H
 #define SPHM_CUDA_SOLID_INSIDE_H
 
+#include "cuda/look.h"
 #include "cuda/solid_backend.h"
 #include "cuda/solid_plan.h"
 #include "cuda/solid_rest.h"
@@ -10,15 +11,20 @@
 extern "C" {
 #endif
 
-enum { SPHM_SOLID_PARTS = 3 }; /* passive, elastic, all */
-
 /* Page-locked memory of the host. */
 typedef struct sphm_solid_host {
     sphm_solid_submission *submission;
     sphm_solid_report *report;
-    double *part_sum; /* [SPHM_SOLID_PARTS * 6 * SPHM_SOLID_PARTIALS] */
+    double *part_sum; /* [SPHM_SOLID_PART_NUMBERS] */
     sphm_real *motion, *potential, *recovery, *activation, *fibre_rate, *density, *pressure;
 } sphm_solid_host;
+
+/* What a wrench takes beside the sums: how the end is driven, when, and where it is then. */
+typedef struct sphm_solid_hold {
+    sphm_end_drive drive;
+    double time_s;
+    sphm_end_body body;
+} sphm_solid_hold;
 
 typedef struct sphm_solid_backend {
     const sphm_model *model;
@@ -32,6 +38,8 @@ typedef struct sphm_solid_backend {
     int kept;   /* which launches the device has kept, as launches_of(); -1: none */
     int failed; /* the device does not work any more */
     double modulus_Pa;
+    sphm_look *look;         /* made when somebody first looks */
+    sphm_solid_hold looking; /* of the insertion, when the look under way began */
     size_t device_bytes, host_bytes;
     double launch_s[SPHM_SOLID_LAUNCHES]; /* where the launches are timed: at the last reset_timing() */
     sphm_timing timing;
@@ -55,6 +63,26 @@ sphm_status sphm_solid_allocate(sphm_solid_backend *b, sphm_context *context);
 void sphm_solid_set_constants(sphm_solid_backend *b);
 /* What the rest shape fixes. */
 sphm_status sphm_solid_upload_rest(const sphm_solid_backend *b, sphm_context *context);
+
+/* solid_wrench.c ----------------------------------------------------------------------------------------- */
+
+/* The wrench() of sphm_backend_ops. */
+void sphm_solid_wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *wrench);
+/* Has the parts of the wrench at `end` summed, into part_sum from place first_part on. */
+sphm_status sphm_solid_sum_parts(const sphm_solid_backend *b, const sphm_solid_hold *hold, int end,
+                                 int first_part, sphm_context *context);
+/* From the sums [SPHM_SOLID_PART_NUMBERS], on the host. */
+void sphm_solid_add_parts(const sphm_solid_backend *b, const sphm_solid_hold *hold, int end,
+                          const double *part_sum, sphm_wrench *wrench);
+sphm_solid_hold sphm_solid_hold_now(const sphm_solid_backend *b, const sphm_end_drive *drive, int end);
+
+/* solid_look.c ------------------------------------------------------------------------------------------- */
+
+/* The look() and looked() of sphm_backend_ops. */
+sphm_status sphm_solid_look(sphm_backend *backend, const sphm_observer *observer, int particles,
+                            const sphm_end_drive *insertion, sphm_context *context);
+sphm_status sphm_solid_looked(sphm_backend *backend, int wait, int *finished, sphm_looked *looked,
+                              sphm_context *context);
 
 /* solid_submit.c ----------------------------------------------------------------------------------------- */
 

@@ -139,6 +139,12 @@ __global__ void __launch_bounds__(block_threads) part_sum(sphm_solid_device d, s
         sphm_solid_part_sum_thread(&d, &call, thread);
 }
 
+__global__ void __launch_bounds__(block_threads) snapshot(sphm_solid_device d, sphm_solid_call call) {
+    const size_t i = (size_t)blockIdx.x * block_threads + threadIdx.x;
+    if (i < d.count)
+        sphm_solid_snapshot_thread(&d, &call, i);
+}
+
 unsigned blocks_of(size_t items, int items_per_block) {
     return (unsigned)((items + (size_t)items_per_block - 1) / (size_t)items_per_block);
 }
@@ -148,8 +154,9 @@ unsigned blocks_of(size_t items, int items_per_block) {
 sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
                                    const sphm_solid_call *call, sphm_context *context) {
     static const char *const names[SPHM_SOLID_LAUNCHES] = {
-        "launch hits",   "launch move",        "launch spread",     "launch strain",
-        "launch report", "launch part_strain", "launch part_force", "launch part_sum"};
+        "launch hits",        "launch end_force",  "launch end_sum",  "launch end_step",
+        "launch move",        "launch spread",     "launch strain",   "launch report",
+        "launch part_strain", "launch part_force", "launch part_sum", "launch snapshot"};
     const sphm_solid_device &d = *solid;
     const unsigned rows = blocks_of(d.count, block_particles), particles = blocks_of(d.count, block_threads),
                    partials = blocks_of(SPHM_SOLID_PARTIALS, block_threads);
@@ -192,6 +199,9 @@ sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device 
         break;
     case SPHM_SOLID_PART_SUM:
         SPHM_LAUNCH(part_sum, partials, block_threads, stream, d, *call);
+        break;
+    case SPHM_SOLID_SNAPSHOT:
+        SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, *call);
         break;
     default:
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);

@@ -4,6 +4,7 @@
 #define SPHM_CUDA_SOLID_LAYOUT_H
 
 #include "core/membrane_schedule.h"
+#include "kernels/look.h"
 #include "kernels/membrane.h"
 #include "kernels/solid_line.h"
 #include "kernels/solid_motion.h"
@@ -16,6 +17,9 @@ extern "C" {
 #define SPHM_SUBMISSION_STEPS 32    /* most steps of a submission */
 #define SPHM_SOLID_END_PARTIALS 256 /* the same for each end; one thread adds them up */
 #define SPHM_SOLID_PARTIALS 1024    /* threads of a reduction; the host adds up what they leave */
+
+enum { SPHM_SOLID_PARTS = 3 }; /* of a wrench: passive, elastic, all */
+#define SPHM_SOLID_PART_NUMBERS (SPHM_SOLID_PARTS * 6 * SPHM_SOLID_PARTIALS)
 
 /* What moves an end in a step. */
 enum { SPHM_SOLID_FOLLOWS, SPHM_SOLID_PULLED, SPHM_SOLID_SLIDES };
@@ -94,6 +98,7 @@ enum {
     SPHM_SOLID_PART_STRAIN,
     SPHM_SOLID_PART_FORCE,
     SPHM_SOLID_PART_SUM,
+    SPHM_SOLID_SNAPSHOT,
     SPHM_SOLID_LAUNCHES
 };
 
@@ -104,7 +109,10 @@ typedef struct sphm_solid_call {
     int substep;                       /* spread: which diffusion sweep, 0 ... substeps - 2 */
     int with_activation, with_damping; /* part_strain */
     int end;                           /* part_force, part_sum */
+    int part;                          /* part_sum: its place */
     double pivot_m[3];                 /* part_sum */
+    int buffer;                        /* snapshot: of the potential */
+    sphm_look_particle *line;          /* snapshot: [id], on the device */
 } sphm_solid_call;
 
 #ifdef __cplusplus

@@ -26,7 +26,7 @@ static size_t cut_host(sphm_solid_host *h, size_t n, char *memory) {
     size_t used = 0;
     h->submission = (sphm_solid_submission *)cut(memory, sizeof *h->submission, &used);
     h->report = (sphm_solid_report *)cut(memory, sizeof *h->report, &used);
-    h->part_sum = (double *)cut(memory, SPHM_SOLID_PARTS * 6 * SPHM_SOLID_PARTIALS * sizeof(double), &used);
+    h->part_sum = (double *)cut(memory, SPHM_SOLID_PART_NUMBERS * sizeof(double), &used);
     h->motion = (sphm_real *)cut(memory, 8 * n * sizeof(sphm_real), &used);
     h->potential = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
     h->recovery = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
@@ -115,6 +115,7 @@ sphm_status sphm_solid_upload_rest(const sphm_solid_backend *b, sphm_context *co
     }
     sphm_solid_upload(&c, d->attachment, s->attachment, n, 1);
     sphm_solid_upload(&c, d->electrodes, s->electrodes, n, 1);
+    sphm_solid_upload(&c, d->id, s->id, n, sizeof *d->id);
     sphm_solid_upload(&c, d->held, slots, held, sizeof *slots);
     sphm_solid_finish_copies(&c);
     free(columns);

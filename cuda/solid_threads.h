@@ -363,7 +363,26 @@ SPHM_FN void sphm_solid_part_force_finish(const sphm_solid_device *d, size_t ind
 SPHM_FN void sphm_solid_part_sum_thread(const sphm_solid_device *d, const sphm_solid_call *call,
                                         size_t thread) {
     sphm_solid_sum_held(d, d->part_force, call->end, call->pivot_m, thread, SPHM_SOLID_PARTIALS,
-                        d->part_sum + 6 * thread);
+                        d->part_sum + 6 * ((size_t)call->part * SPHM_SOLID_PARTIALS + thread));
+}
+
+/* Looks ----------------------------------------------------------------------------------------------------
+ */
+
+/* Particle i as it is now, for a look (cuda/look.h). */
+SPHM_FN void sphm_solid_snapshot_thread(const sphm_solid_device *d, const sphm_solid_call *call, size_t i) {
+    sphm_look_particle *p = &call->line[d->id[i]];
+    const sphm_real *motion = d->motion + 8 * i;
+    for (size_t a = 0; a < 3; ++a) {
+        p->place_m[a] = d->rest[a * d->count + i] + motion[a];
+        p->velocity_m_per_s[a] = motion[4 + a];
+    }
+    p->density_kg_per_m3 = d->density[i];
+    p->pressure_Pa = d->pressure[i];
+    p->potential_mV = d->potential[(size_t)call->buffer * d->count + i];
+    p->recovery = d->recovery[i];
+    p->activation = d->activation[i];
+    p->unused = 0;
 }
 
 #endif

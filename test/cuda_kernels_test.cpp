@@ -8,6 +8,7 @@
 
 #define sphm_cuda_solid_backend shim_solid_backend // the library may have the real one
 #include "cuda/device.cu"
+#include "cuda/look_launch.cu"
 #include "cuda/solid_launch.cu"
 
 #include <cmath>
@@ -88,6 +89,43 @@ TEST(CudaKernels, DoWhatTheThreadsDo) {
     EXPECT_EQ(shim::now.events, 0);
 }
 
+// The launches of a look, on their second stream, and the events between the two: the same bits as the
+// emulated device, also when the look is finished only after further steps.
+TEST(CudaKernels, LookAsTheThreadsDo) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the address sanitizer does not follow fibers";
+#endif
+    std::vector<float> fields[3];
+    sphm_observation observations[3];
+    for (int variant = 0; variant < 3; ++variant) {
+        Muscle muscle(settings());
+        use(muscle, variant == 0 ? emulated::backend_ops() : shim_solid_backend());
+        ++muscle.handle->changes;
+        ASSERT_EQ(sphm_muscle_stimulate(muscle.handle, "origin", 8000, 0, nullptr), SPHM_OK);
+        muscle.advance(2e-4);
+        sphm_particles p{};
+        sphm_observation &o = observations[variant];
+        ASSERT_EQ(sphm_muscle_glance(muscle.handle, &p, &o, nullptr), SPHM_OK);
+        EXPECT_LT(o.time_s, 2.1e-4);
+        muscle.advance(2e-4);
+        shim::now.not_ready = variant == 2 ? 3 : 0;
+        ASSERT_EQ(sphm_muscle_glance(muscle.handle, &p, &o, nullptr), SPHM_OK); // begins the second look
+        muscle.advance(2e-4);
+        for (; variant == 2 && shim::now.not_ready > 0;) {
+            ASSERT_EQ(sphm_muscle_glance(muscle.handle, &p, &o, nullptr), SPHM_OK);
+            EXPECT_LT(o.time_s, 2.1e-4); // still the first
+        }
+        ASSERT_EQ(sphm_muscle_glance(muscle.handle, &p, &o, nullptr), SPHM_OK);
+        EXPECT_NEAR(o.time_s, 4e-4, 1e-9);
+        fields[variant].assign(p.position_m, p.position_m + SPHM_LOOK_FIELDS * p.count);
+    }
+    for (int variant = 1; variant < 3; ++variant) {
+        EXPECT_EQ(memcmp(&observations[variant], &observations[0], sizeof observations[0]), 0) << variant;
+        EXPECT_EQ(fields[variant], fields[0]) << variant;
+    }
+    EXPECT_GT(observations[0].displacement_mean_m, 0);
+}
+
 // Every call of the runtime fails once, at creation and in a step.
 TEST(CudaKernels, EveryCallIsChecked) {
     Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
@@ -147,7 +185,7 @@ TEST(CudaKernels, TimesItsLaunches) {
     const sphm_timing timing = ops->timing(made.handle->backend);
     shim::dry() = false;
     EXPECT_EQ(shim::now.played, 0);
-    EXPECT_EQ(shim::now.events, 2);
+    EXPECT_EQ(shim::now.events, 4);            // two of them are for looks
     EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
     EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
     EXPECT_EQ(timing.diffusion_s, 0);

@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <functional>
 #include <map>
 #include <vector>
@@ -149,17 +150,25 @@ inline sphm_real __shfl_xor_sync(unsigned, sphm_real value, int apart) {
 
 // The runtime ----------------------------------------------------------------------------------------------
 
-enum cudaError_t { cudaSuccess, cudaErrorMemoryAllocation, cudaErrorUnknown };
+enum cudaError_t { cudaSuccess, cudaErrorMemoryAllocation, cudaErrorNotReady, cudaErrorUnknown };
 enum cudaMemcpyKind { cudaMemcpyHostToDevice, cudaMemcpyDeviceToHost };
-enum { cudaStreamNonBlocking, cudaHostAllocDefault, cudaStreamCaptureModeThreadLocal };
+enum { cudaStreamNonBlocking = 1, cudaHostAllocDefault = 0, cudaStreamCaptureModeThreadLocal = 1 };
+enum { cudaEventDisableTiming = 2 };
 struct cudaDeviceProp {
     char name[256];
     int major, minor;
 };
 using shim_work = std::vector<std::function<void()>>;
+// Work waits until somebody waits for it: for this stream, or for one that waits for an event of it.
 struct shim_stream {
-    shim_work queue, captured;
+    std::deque<std::function<void()>> queue;
+    shim_work captured;
     bool capturing = false;
+    void run_one() {
+        const std::function<void()> work = std::move(queue.front());
+        queue.pop_front();
+        work();
+    }
 };
 using cudaStream_t = shim_stream *;
 using cudaGraph_t = shim_work *;
@@ -173,6 +182,7 @@ struct runtime {
     size_t free_bytes = size_t(1) << 30;
     std::map<char *, size_t> device, host; // allocations
     int streams = 0, graphs = 0, events = 0, played = 0, clock_ms = 0;
+    int not_ready = 0; // answers of that kind still to come from cudaEventQuery
 };
 inline runtime now;
 
@@ -194,8 +204,10 @@ inline bool within(const std::map<char *, size_t> &memory, const void *from, siz
 
 inline cudaError_t enqueue(cudaStream_t stream, std::function<void()> work) {
     const cudaError_t error = call();
-    if (error == cudaSuccess)
-        (stream->capturing ? stream->captured : stream->queue).push_back(std::move(work));
+    if (error == cudaSuccess && stream->capturing)
+        stream->captured.push_back(std::move(work));
+    else if (error == cudaSuccess)
+        stream->queue.push_back(std::move(work));
     return error;
 }
 
@@ -230,7 +242,12 @@ inline cudaError_t cudaGetDeviceProperties(cudaDeviceProp *properties, int) {
     *properties = {"Shim", 9, 0};
     return shim::call();
 }
-inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t *stream, unsigned) {
+inline cudaError_t cudaDeviceGetStreamPriorityRange(int *least, int *greatest) {
+    *least = 0;
+    *greatest = -1;
+    return shim::call();
+}
+inline cudaError_t cudaStreamCreateWithPriority(cudaStream_t *stream, unsigned, int) {
     const cudaError_t error = shim::call();
     if (error == cudaSuccess) {
         *stream = new shim_stream;
@@ -240,9 +257,8 @@ inline cudaError_t cudaStreamCreateWithFlags(cudaStream_t *stream, unsigned) {
 }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
     const cudaError_t error = shim::call();
-    if (error == cudaSuccess)
-        for (const auto &work : stream->queue)
-            work();
+    while (error == cudaSuccess && !stream->queue.empty())
+        stream->run_one();
     stream->queue.clear();
     return error;
 }
@@ -253,10 +269,18 @@ inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
 }
 // A clock that stands still but for a millisecond a record.
 struct shim_event {
-    int at = 0;
+    int at = 0, recorded = 0, reached = 0;
+    shim_stream *stream = nullptr;
+    void wait_for(int record) const {
+        while (reached < record) {
+            if (stream->queue.empty())
+                shim::die("an event is waited for that never comes");
+            stream->run_one();
+        }
+    }
 };
 using cudaEvent_t = shim_event *;
-inline cudaError_t cudaEventCreate(cudaEvent_t *event) {
+inline cudaError_t cudaEventCreateWithFlags(cudaEvent_t *event, unsigned) {
     const cudaError_t error = shim::call();
     if (error == cudaSuccess) {
         *event = new shim_event;
@@ -264,13 +288,42 @@ inline cudaError_t cudaEventCreate(cudaEvent_t *event) {
     }
     return error;
 }
+inline cudaError_t cudaEventCreate(cudaEvent_t *event) {
+    return cudaEventCreateWithFlags(event, 0);
+}
 inline cudaError_t cudaEventDestroy(cudaEvent_t event) {
     delete event;
     --shim::now.events;
     return shim::call();
 }
 inline cudaError_t cudaEventRecord(cudaEvent_t event, cudaStream_t stream) {
-    return shim::enqueue(stream, [=] { event->at = ++shim::now.clock_ms; });
+    const int record = ++event->recorded;
+    event->stream = stream;
+    return shim::enqueue(stream, [=] {
+        event->at = ++shim::now.clock_ms;
+        event->reached = record;
+    });
+}
+inline cudaError_t cudaStreamWaitEvent(cudaStream_t stream, cudaEvent_t event, unsigned) {
+    const int record = event->recorded;
+    return shim::enqueue(stream, [=] { event->wait_for(record); });
+}
+inline cudaError_t cudaEventSynchronize(cudaEvent_t event) {
+    const cudaError_t error = shim::call();
+    if (error == cudaSuccess)
+        event->wait_for(event->recorded);
+    return error;
+}
+inline cudaError_t cudaEventQuery(cudaEvent_t event) {
+    const cudaError_t error = shim::call();
+    if (error != cudaSuccess)
+        return error;
+    if (shim::now.not_ready > 0) {
+        --shim::now.not_ready;
+        return cudaErrorNotReady;
+    }
+    event->wait_for(event->recorded);
+    return cudaSuccess;
 }
 inline cudaError_t cudaEventElapsedTime(float *elapsed_ms, cudaEvent_t begin, cudaEvent_t end) {
     *elapsed_ms = static_cast<float>(end->at - begin->at);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/context.h"
+#include "cuda/look_threads.h"
 #include "cuda/solid_backend.h"
 #include "cuda/solid_threads.h"
 
@@ -20,6 +21,9 @@ struct device {
     std::vector<void *> memory;
     std::vector<std::function<void()>> queue, kept;
     bool recording = false;
+    // The second stream: what it was given, and how much of the first it comes after.
+    std::vector<std::function<void()>> looks;
+    size_t done = 0, looks_after = 0;
 };
 inline device *inside(sphm_device *d) {
     return reinterpret_cast<device *>(d);
@@ -38,6 +42,11 @@ inline size_t &memory_limit() {
 inline bool &backwards() {
     static bool last_first = false;
     return last_first;
+}
+// How often one has to ask before a look is finished; it is made when it is asked for the last time.
+inline int &patience() {
+    static int polls = 0;
+    return polls;
 }
 inline int &submissions_played() {
     static int played = 0;
@@ -141,6 +150,10 @@ inline void run(const sphm_solid_device &d, const sphm_solid_call &call) {
         for (size_t t = 0; t < SPHM_SOLID_PARTIALS; ++t)
             sphm_solid_part_sum_thread(&d, &call, t);
         break;
+    case SPHM_SOLID_SNAPSHOT:
+        for (size_t i = 0; i < d.count; ++i)
+            sphm_solid_snapshot_thread(&d, &call, i);
+        break;
     default: {
         const bool part = call.launch == SPHM_SOLID_PART_STRAIN;
         if (!part && sphm_solid_has_failed(&d, call.step))
@@ -220,17 +233,64 @@ inline sphm_status play(sphm_device *handle, sphm_context *context) {
 inline const double *launch_times(const sphm_device *) {
     return nullptr;
 }
+// Works of the first stream, until `end` have been done.
+inline void work_off(device *d, size_t end) {
+    for (; d->done < end; ++d->done)
+        d->queue[d->done]();
+}
 inline sphm_status wait(sphm_device *handle, sphm_context *context) {
     const sphm_status status = request(context);
+    device *d = inside(handle);
     if (status == SPHM_OK)
-        for (const auto &work : inside(handle)->queue)
-            work();
-    inside(handle)->queue.clear();
+        work_off(d, d->queue.size());
+    d->queue.clear();
+    d->done = d->looks_after = 0;
     return status;
 }
 
-inline const sphm_device_ops device_ops = {open,   close,  name, allocate, allocate,     upload, download,
-                                           launch, record, keep, play,     launch_times, wait};
+inline sphm_status look_after(sphm_device *handle, sphm_context *context) {
+    inside(handle)->looks_after = inside(handle)->queue.size();
+    return request(context);
+}
+inline sphm_status enqueue_look(sphm_device *handle, sphm_context *context, std::function<void()> work) {
+    const sphm_status status = request(context);
+    if (status == SPHM_OK)
+        inside(handle)->looks.push_back(std::move(work));
+    return status;
+}
+inline sphm_status launch_look(sphm_device *handle, const sphm_look_device *look, int launch,
+                               sphm_context *context) {
+    const sphm_look_device d = *look;
+    return enqueue_look(handle, context, [=] {
+        const size_t threads = sphm_look_threads(&d, launch);
+        for (size_t t = 0; t < threads; ++t)
+            sphm_look_run_thread(&d, launch, backwards() ? threads - 1 - t : t);
+    });
+}
+inline sphm_status bring(sphm_device *handle, void *to, const void *from, size_t bytes,
+                         sphm_context *context) {
+    return enqueue_look(handle, context, [=] { memcpy(to, from, bytes); });
+}
+inline sphm_status mark(sphm_device *, sphm_context *context) {
+    return request(context);
+}
+inline sphm_status marked(sphm_device *handle, int wait, int *finished, sphm_context *context) {
+    const sphm_status status = request(context);
+    device *d = inside(handle);
+    *finished = status == SPHM_OK && (wait || patience() == 0);
+    patience() -= patience() > 0;
+    if (!*finished)
+        return status;
+    work_off(d, d->looks_after);
+    for (const auto &work : d->looks)
+        work();
+    d->looks.clear();
+    return status;
+}
+
+inline const sphm_device_ops device_ops = {
+    open, close, name,         allocate, allocate,   upload,      download, launch, record,
+    keep, play,  launch_times, wait,     look_after, launch_look, bring,    mark,   marked};
 
 inline sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);

@@ -174,6 +174,14 @@ typedef struct sphm_observation {
 } sphm_observation;
 sphm_status sphm_muscle_observe(sphm_muscle *muscle, sphm_observation *observation, sphm_context *context);
 
+/* Both without waiting, for whoever shows a muscle while it runs: begins a look at the present state, if none
+ * is under way, and hands out the last one that has finished; observation->time_s is its time. What has not
+ * been looked at yet since creation, reset or restore is waited for. A GPU looks beside the steps that
+ * follow, so what is handed out is mostly that of the call before; a CPU always shows the present. Either may
+ * be NULL; both are of the same moment. */
+sphm_status sphm_muscle_glance(sphm_muscle *muscle, sphm_particles *particles, sphm_observation *observation,
+                               sphm_context *context);
+
 /* The whole state, byte for byte: FNV-1a of all state arrays by particle id, and of the time. */
 uint64_t sphm_muscle_hash(sphm_muscle *muscle);
 /* Little-endian, versioned, checksummed; written to a temporary file beside `path` and renamed. Loading
@@ -191,6 +199,8 @@ typedef struct sphm_skin {
 } sphm_skin;
 /* `field`: SPHM_FIELD_...; buffers are the muscle's, valid until the next non-const call on it. */
 sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
+/* Of the particles that the last sphm_muscle_glance() handed out; of the present ones where it has not. */
+sphm_status sphm_muscle_glance_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
 
 /* Where the time went since creation, reset or the last sphm_muscle_reset_timing(), s of wall time. */
 typedef struct sphm_timing {

@@ -5,12 +5,24 @@
 #include "core/drive.h"
 #include "core/model.h"
 #include "core/state.h"
+#include "kernels/look.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 typedef struct sphm_backend sphm_backend;
+struct sphm_observer;
+
+/* A finished look at a state, by the back end that has it. */
+typedef struct sphm_looked {
+    sphm_look_shape shape;
+    sphm_field_sums sums;
+    const float
+        *fields; /* [SPHM_LOOK_FIELDS * count] by id, as sphm_look_pack() has it; NULL: not asked for */
+    const sphm_real *place_m; /* [3 * count] by id, relative to model->frame_m; NULL as well */
+    sphm_wrench wrench;       /* at the insertion; solid */
+} sphm_looked;
 
 typedef struct sphm_backend_ops {
     const char *name;
@@ -41,6 +53,15 @@ typedef struct sphm_backend_ops {
      * were tried: each further step on a scattered muscle took seconds, for particles that nearly coincide
      * ask the diffusion for ten thousands of sub-steps. */
     size_t steps_at_a_time;
+    /* Begins a look at the present state; the steps that follow do not wait for it. None may be under way.
+     * `observer` is prepared (sphm_observer_prepare) and outlives the back end; `insertion` is how that end
+     * is driven. NULL: nothing would be gained, view() is what there is to look at. */
+    sphm_status (*look)(sphm_backend *backend, const struct sphm_observer *observer, int particles,
+                        const sphm_end_drive *insertion, sphm_context *context);
+    /* Whether the look has finished, and what it has found: its arrays are valid until the second look()
+     * after it. Waits for it where it is told to. */
+    sphm_status (*looked)(sphm_backend *backend, int wait, int *finished, sphm_looked *looked,
+                          sphm_context *context);
 } sphm_backend_ops;
 
 /* The back ends that were built. src/core/choose_backend.h picks one. */

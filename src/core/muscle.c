@@ -58,6 +58,9 @@ static void take_backend(sphm_muscle *muscle, const sphm_chosen_backend *chosen)
     muscle->ops = chosen->ops;
     muscle->backend = chosen->backend;
     memcpy(muscle->device, chosen->device, sizeof muscle->device);
+    memset(&muscle->looks, 0, sizeof muscle->looks);
+    ++muscle->changes;
+    ++muscle->replacements;
 }
 
 static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters, const sphm_surface *mesh,
@@ -134,6 +137,8 @@ sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sp
     memset(&own, 0, sizeof own);
     sphm_context *used = context ? context : &own;
     const sphm_status status = muscle->ops->restore(muscle->backend, state, used);
+    ++muscle->changes;
+    ++muscle->replacements;
     if (status < 0)
         return fail(muscle, status, used->message);
     if (status == SPHM_OK)
@@ -228,6 +233,7 @@ static sphm_status submit(sphm_muscle *muscle, double end, const sphm_drive *dri
     memset(&own, 0, sizeof own);
     sphm_context *used = context ? context : &own;
     const sphm_status status = muscle->ops->step(muscle->backend, count, step, drive, used);
+    ++muscle->changes;
     return status < 0 ? fail(muscle, status, used->message) : status;
 }
 

@@ -26,6 +26,22 @@ typedef struct sphm_solid_commands {
     sphm_end_drive ends[SPHM_END_COUNT];
 } sphm_solid_commands;
 
+/* What the host knows at the moment that is looked at. */
+typedef struct sphm_moment {
+    uint64_t changes, replacements; /* of the muscle */
+    double time_s, stimulus_uA_per_mm2;
+    double line[3],
+        distance_m; /* from the insertion's frame to the origin's, unit vector and length; solid */
+} sphm_moment;
+
+/* Looks by a back end that does not hold up its steps for them (observe.c). */
+typedef struct sphm_looks {
+    int refused;          /* it could not: look at its view() */
+    int there, under_way; /* a look has finished; another has begun */
+    sphm_moment seen, awaited;
+    sphm_looked looked; /* the one that has finished */
+} sphm_looks;
+
 struct sphm_muscle {
     sphm_model model;
     const sphm_backend_ops *ops;
@@ -45,6 +61,9 @@ struct sphm_muscle {
 
     char device[192];               /* a copy: a reset makes a new back end */
     struct sphm_observer *observer; /* made when somebody first looks (observe.c) */
+    uint64_t changes;               /* of the state: steps, resets, restored states */
+    uint64_t replacements;          /* the last two only */
+    sphm_looks looks;
 };
 
 /* The state on the host, up to date, in slot order, relative to model.frame_m. */

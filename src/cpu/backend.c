@@ -264,5 +264,6 @@ static const char *device(const sphm_backend *b) {
     return b->device;
 }
 
-const sphm_backend_ops sphm_cpu_backend = {"cpu",  create,       destroy, step, view,     restore, limits,
-                                           timing, reset_timing, device,  NULL, clock_of, 1};
+const sphm_backend_ops sphm_cpu_backend = {"cpu",   create,   destroy, step,         view,
+                                           restore, limits,   timing,  reset_timing, device,
+                                           NULL,    clock_of, 1,       NULL,         NULL};

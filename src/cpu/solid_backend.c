@@ -471,5 +471,6 @@ static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, 
     sphm_end_put_tendon_between(&b->model->ends[end], drive, s->time_s, &s->ends[end], w);
 }
 
-const sphm_backend_ops sphm_cpu_solid_backend = {
-    "cpu", create, destroy, step, view, restore, limits, timing, reset_timing, device, wrench, clock_of, 1};
+const sphm_backend_ops sphm_cpu_solid_backend = {"cpu",   create,   destroy, step,         view,
+                                                 restore, limits,   timing,  reset_timing, device,
+                                                 wrench,  clock_of, 1,       NULL,         NULL};

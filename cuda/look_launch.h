@@ -1,0 +1,13 @@
+/* The launches of a look. */
+#ifndef SPHM_CUDA_LOOK_LAUNCH_H
+#define SPHM_CUDA_LOOK_LAUNCH_H
+
+#include "cuda/runtime.h"
+
+#include "cuda/look_layout.h"
+
+/* Puts one launch, SPHM_LOOK_..., on the stream. */
+sphm_status sphm_cuda_launch_look(cudaStream_t stream, const sphm_look_device *look, int launch,
+                                  sphm_context *context);
+
+#endif

@@ -1,0 +1,29 @@
+// Muscles on the emulated device.
+#ifndef SPHM_TEST_EMULATED_MUSCLE_H
+#define SPHM_TEST_EMULATED_MUSCLE_H
+
+#include "emulated_device.h"
+#include "muscles.h"
+
+// A muscle whose back end computes on the emulated device.
+struct Emulated : Muscle {
+    explicit Emulated(const Settings &settings) : Muscle(settings) {
+        if (status == SPHM_OK)
+            take();
+    }
+    void take() {
+        handle->ops->destroy(handle->backend);
+        handle->backend = nullptr;
+        handle->ops = emulated::backend_ops();
+        ASSERT_EQ(handle->ops->create(&handle->model, &handle->backend, &context), SPHM_OK)
+            << context.message;
+    }
+};
+
+inline Muscle::Settings solid(Muscle::Settings more = {}) {
+    Muscle::Settings settings = {{"tissue", "solid"}, {"particles", "500"}, {"time_step", "2e-5"}};
+    settings.insert(settings.end(), more.begin(), more.end());
+    return settings;
+}
+
+#endif
