@@ -43,12 +43,14 @@ if(SPH_MUSCLE_WITH_CUDA)
   file(GLOB cuda_sources CONFIGURE_DEPENDS cuda/*.cu)
   add_library(sph_muscle_cuda OBJECT ${cuda_sources})
   target_include_directories(sph_muscle_cuda PRIVATE include src .)
-  target_compile_options(sph_muscle_cuda PRIVATE
+  add_library(sph_muscle_cuda_options INTERFACE)
+  target_compile_options(sph_muscle_cuda_options INTERFACE
                          $<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-Wextra>)
   if(SPH_MUSCLE_WERROR)
-    target_compile_options(sph_muscle_cuda PRIVATE $<$<COMPILE_LANGUAGE:CUDA>:-Werror=all-warnings
-                                                   -Xcompiler=-Werror>)
+    target_compile_options(sph_muscle_cuda_options INTERFACE $<$<COMPILE_LANGUAGE:CUDA>:-Werror=all-warnings
+                                                             -Xcompiler=-Werror>)
   endif()
+  target_link_libraries(sph_muscle_cuda PRIVATE sph_muscle_cuda_options)
   if(SPH_MUSCLE_DOUBLE)
     target_compile_definitions(sph_muscle_cuda PRIVATE SPH_MUSCLE_DOUBLE)
   endif()
