@@ -19,9 +19,20 @@ sphm_status sphm_muscle_create(const sphm_parameters *parameters, const sphm_sur
                                sphm_muscle **muscle, sphm_context *context);
 void sphm_muscle_destroy(sphm_muscle *muscle); /* NULL is fine */
 
-/* Back to the rest state at time 0: commands, external forces and failures are forgotten, the schedule of
- * the parameters starts again. */
+/* Back to the rest state at time 0: commands, start poses, external forces and failures are forgotten, the
+ * schedule of the parameters starts again, and so does the start-up phase. */
 sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context);
+
+/* The start-up phase, tissue: solid. A muscle that does not begin at rest (initial_stretch, a start pose,
+ * gravity, surface_pressure) is not ready after creation and reset: it is first to come to rest as the
+ * parameters settle_time and settle_speed say, with both ends held and nothing activated. That goes before
+ * time 0; commands given meanwhile act from time 0 on. sphm_muscle_advance(), _step() and _save() run it to
+ * its end where nobody else did; until it is over, time and steps are 0, observations and wrenches show the
+ * phase, and an end's pose is the one it starts from. */
+int sphm_muscle_ready(const sphm_muscle *muscle);
+/* Runs the phase for about duration_s of its own time; less when the muscle is ready before, or was. A
+ * warning to the log when it did not come to rest. */
+sphm_status sphm_muscle_start_up(sphm_muscle *muscle, double duration_s, sphm_context *context);
 
 /* Advances by exactly duration_s > 0 in the fewest equal steps the time-step limits allow.
  * SPHM_FAILED_NONFINITE names the first particle and stage that became non-finite, or says that the particles
@@ -90,6 +101,11 @@ typedef struct sphm_end_pose {
  * the muscle's length. */
 sphm_status sphm_muscle_set_end_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
                                      double duration_s, sphm_context *context);
+/* Where an end is when time begins, in place of its rest pose or initial_stretch; velocities are ignored. The
+ * end goes there in the start-up phase. Refused once that or time has begun, without one (settle_time: 0),
+ * and farther than max_pose_jump from rest. */
+sphm_status sphm_muscle_set_start_pose(sphm_muscle *muscle, int end, const sphm_end_pose *pose,
+                                       sphm_context *context);
 /* Lets an end carry a load: force_N on the end, in the muscle's frame, until replaced. Inertia: the block's
  * own mass (mass_scaling included); no damping but the tissue's. A tendon only adds its length, for it has no
  * mass. Refuses what is not finite and an end without attached particles. */

@@ -181,13 +181,15 @@ static void summarise(const run *r) {
 }
 
 static sphm_status run_all(run *r) {
+    catch_signals();
     sphm_status status = sphm_io_create_muscle(&r->options->parameters, &r->muscle, &r->context);
     if (status == SPHM_OK && r->options->restore)
         status = sphm_muscle_load(r->muscle, r->options->restore, &r->context);
+    while (status == SPHM_OK && !sphm_muscle_ready(r->muscle) && !interrupted)
+        status = sphm_muscle_start_up(r->muscle, 0.1, &r->context);
     if (status != SPHM_OK)
         return status;
     r->start_s = sphm_muscle_time(r->muscle);
-    catch_signals();
     status = open_files(r);
     if (status == SPHM_OK)
         status = simulate(r);

@@ -29,6 +29,8 @@ static sphm_parameters still(const sphm_parameters *parameters) {
     p.force_velocity = SPHM_FORCE_VELOCITY_OFF;
     p.tendon_stiffness = p.tendon_slack_length = 0;
     p.time_step = 0;
+    p.initial_stretch = 1;
+    p.settle_time = 0;
     p.stimulus[0] = '\0';
     memset(p.gravity, 0, sizeof p.gravity);
     return p;

@@ -45,8 +45,7 @@ static void matrix_of_quaternion(const double q[4], double out[9]) {
     sphm_rotation_of(r, out);
 }
 
-/* Rotation vector of to from^T. */
-static void turn_between(const double from[9], const double to[9], double out[3]) {
+void sphm_turn_between(const double from[9], const double to[9], double out[3]) {
     double difference[9];
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
@@ -78,6 +77,11 @@ void sphm_end_motion_rest(sphm_end_motion *motion, const double rest_m[3]) {
     memcpy(motion->to_m, rest_m, sizeof motion->to_m);
     for (int d = 0; d < 9; d += 4)
         motion->from_rotation[d] = 1;
+}
+
+void sphm_end_motion_hold(sphm_end_motion *motion, const sphm_end_state *at) {
+    sphm_end_motion_rest(motion, at->position_m);
+    memcpy(motion->from_rotation, at->rotation, sizeof motion->from_rotation);
 }
 
 /* The segment in which the end brakes behind `motion`, to come to rest at its target. */
@@ -158,7 +162,7 @@ sphm_status sphm_end_motion_set_from(sphm_end_motion *motion, double now_s, cons
         return status;
     double target[9], turn[3], step[3];
     matrix_of_quaternion(pose->orientation, target);
-    turn_between(now->rotation, target, turn);
+    sphm_turn_between(now->rotation, target, turn);
     for (int d = 0; d < 3; ++d)
         step[d] = pose->position_m[d] - now->position_m[d];
     const double distance = sqrt(sphm_dot3(step, step)), angle = sqrt(sphm_dot3(turn, turn));

@@ -28,7 +28,11 @@ typedef struct sphm_end_state {
 
 /* Held at rest. */
 void sphm_end_motion_rest(sphm_end_motion *motion, const double rest_m[3]);
+/* Held elsewhere. */
+void sphm_end_motion_hold(sphm_end_motion *motion, const sphm_end_state *at);
 void sphm_end_motion_at(const sphm_end_motion *motion, double time_s, sphm_end_state *state);
+/* Rotation vector of to from^T. */
+void sphm_turn_between(const double from[9], const double to[9], double turn_rad[3]);
 /* From where the end is at now_s to `pose`, in duration_s. Refuses what is not finite or not a rotation,
  * durations <= 0, and poses farther than jump_m or half a turn from the present one; `motion` is unchanged
  * then. */

@@ -84,6 +84,7 @@ static sphm_status build(sphm_muscle *muscle, const sphm_parameters *parameters,
         return status;
     take_backend(muscle, &chosen);
     sphm_muscle_rest_ends(muscle);
+    sphm_muscle_plan_start(muscle);
     muscle->requested_step_s = parameters->time_step;
     muscle->rest_step_s = muscle->ops->limits(muscle->backend).smallest;
     warn_time_step(muscle, muscle->ops->limits(muscle->backend).smallest,
@@ -120,6 +121,7 @@ sphm_status sphm_muscle_reset(sphm_muscle *muscle, sphm_context *context) {
     }
     take_backend(muscle, &fresh);
     sphm_muscle_rest_ends(muscle);
+    sphm_muscle_plan_start(muscle);
     muscle->force_count = 0;
     muscle->failed = 0;
     return SPHM_OK;
@@ -141,18 +143,21 @@ sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sp
     ++muscle->replacements;
     if (status < 0)
         return fail(muscle, status, used->message);
-    if (status == SPHM_OK)
+    if (status == SPHM_OK) {
         muscle->failed = 0;
+        muscle->start.ready = muscle->start.begun = 1;
+    }
     return status;
 }
 
 /* Time --------------------------------------------------------------------------------------------------- */
 
+/* The start-up phase goes before time 0, whatever the back end's clock says meanwhile. */
 double sphm_muscle_time(const sphm_muscle *muscle) {
-    return muscle->ops->clock(muscle->backend)->time_s;
+    return muscle->start.ready ? muscle->ops->clock(muscle->backend)->time_s : 0;
 }
 uint64_t sphm_muscle_steps(const sphm_muscle *muscle) {
-    return muscle->ops->clock(muscle->backend)->steps;
+    return muscle->start.ready ? muscle->ops->clock(muscle->backend)->steps : 0;
 }
 
 sphm_time_step_limits sphm_muscle_time_step_limits(const sphm_muscle *muscle) {
@@ -210,7 +215,7 @@ static sphm_status refuse_runaway(sphm_muscle *muscle, const sphm_time_step_limi
     (void)sphm_fail(&own, SPHM_FAILED_NONFINITE,
                     "the state ran away at %.6g s: particles are so %s that a step may take %.3g s only "
                     "instead of %.3g s",
-                    sphm_muscle_time(muscle),
+                    muscle->ops->clock(muscle->backend)->time_s,
                     limits->courant <= limits->smallest ? "fast" : "compressed or stretched",
                     limits->smallest, muscle->rest_step_s);
     (void)sphm_fail(context, SPHM_FAILED_NONFINITE, "%s", own.message);
@@ -220,7 +225,7 @@ static sphm_status refuse_runaway(sphm_muscle *muscle, const sphm_time_step_limi
 /* Equal steps, as many as the back end takes at a time, towards `end`, which the drive does not change
  * before. */
 static sphm_status submit(sphm_muscle *muscle, double end, const sphm_drive *drive, sphm_context *context) {
-    const double left = end - sphm_muscle_time(muscle);
+    const double left = end - muscle->ops->clock(muscle->backend)->time_s;
     const sphm_time_step_limits limits = muscle->ops->limits(muscle->backend);
     if (refuse_runaway(muscle, &limits, context) != SPHM_OK)
         return SPHM_FAILED_NONFINITE;
@@ -237,12 +242,23 @@ static sphm_status submit(sphm_muscle *muscle, double end, const sphm_drive *dri
     return status < 0 ? fail(muscle, status, used->message) : status;
 }
 
+sphm_status sphm_muscle_run_to(sphm_muscle *muscle, double end_s, const sphm_drive *drive,
+                               sphm_context *context) {
+    sphm_status status = muscle->failed ? refuse_failed(muscle, context) : SPHM_OK;
+    while (status == SPHM_OK && end_s - muscle->ops->clock(muscle->backend)->time_s > 1e-12 * (1 + end_s))
+        status = submit(muscle, end_s, drive, context);
+    return status;
+}
+
 sphm_status sphm_muscle_advance(sphm_muscle *muscle, double duration_s, sphm_context *context) {
     if (!(duration_s > 0) || !isfinite(duration_s))
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "duration is %g s; it must be finite and above 0",
                          duration_s);
     if (muscle->failed)
         return refuse_failed(muscle, context);
+    const sphm_status started = sphm_muscle_finish_start(muscle, context);
+    if (started != SPHM_OK)
+        return started;
     const double end = sphm_muscle_time(muscle) + duration_s;
     for (double now = sphm_muscle_time(muscle); end - now > 1e-12 * (1 + end);
          now = sphm_muscle_time(muscle)) {

@@ -6,6 +6,7 @@
 #include "core/backend.h"
 #include "core/drive.h"
 #include "core/model.h"
+#include "core/start_up.h"
 #include "core/state.h"
 #include "core/stimulus.h"
 
@@ -52,6 +53,7 @@ struct sphm_muscle {
     sphm_timed_force forces[SPHM_MAX_FORCES];
 
     sphm_solid_commands solid; /* tissue: solid */
+    sphm_start_up start;       /* before time 0 */
 
     double requested_step_s; /* the parameter, 0: automatic */
     double rest_step_s;      /* the limit at rest */
@@ -71,8 +73,17 @@ static inline const sphm_state *sphm_muscle_state(const sphm_muscle *muscle) {
     return muscle->ops->view(muscle->backend);
 }
 
+/* What drives the ends now: before time 0 the start-up phase does. */
+static inline const sphm_end_drive *sphm_muscle_drives(const sphm_muscle *muscle) {
+    return muscle->start.ready ? muscle->solid.ends : muscle->start.ends;
+}
+
 /* Ends at rest, no activation commanded (solid_muscle.c). */
 void sphm_muscle_rest_ends(sphm_muscle *muscle);
+
+/* Takes steps to end_s of the back end's clock under a constant drive (muscle.c). */
+sphm_status sphm_muscle_run_to(sphm_muscle *muscle, double end_s, const sphm_drive *drive,
+                               sphm_context *context);
 
 /* Replaces the state (in any slot order) and forgets a failure; stimulus and forces are left alone. */
 sphm_status sphm_muscle_restore(sphm_muscle *muscle, const sphm_state *state, sphm_context *context);

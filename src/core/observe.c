@@ -43,7 +43,7 @@ static sphm_status begin_look(sphm_muscle *muscle, sphm_observer *observer, int 
         status = moment_of(muscle, &looks->awaited);
     if (status == SPHM_OK)
         status = muscle->ops->look(muscle->backend, observer, particles,
-                                   &muscle->solid.ends[SPHM_END_INSERTION], NULL);
+                                   &sphm_muscle_drives(muscle)[SPHM_END_INSERTION], NULL);
     looks->under_way = status == SPHM_OK;
     return status;
 }
@@ -142,6 +142,7 @@ static sphm_status get_observation(sphm_muscle *muscle, int late, int particles,
         return SPHM_OK;
     }
     sphm_status status = sphm_observer_observe(observer, sphm_muscle_state(muscle), o, context);
+    o->time_s = sphm_muscle_time(muscle);
     o->stimulus_uA_per_mm2 = sphm_muscle_stimulus(muscle, NULL);
     if (status != SPHM_OK || !muscle->ops->wrench)
         return status;

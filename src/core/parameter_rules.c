@@ -107,10 +107,19 @@ static sphm_status check_tendon(const sphm_parameters *p, sphm_context *context)
     return SPHM_OK;
 }
 
+static sphm_status check_start_up(const sphm_parameters *p, sphm_context *context) {
+    if (p->initial_stretch == 1 || (p->settle_time > 0 && p->attachment_fraction > 0))
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_PARAMETER,
+                     "initial_stretch is %g, which needs settle_time above 0 (it is %g s) and "
+                     "attachment_fraction above 0 (%g)",
+                     p->initial_stretch, p->settle_time, p->attachment_fraction);
+}
+
 sphm_status sphm_parameters_check(const sphm_parameters *parameters, sphm_context *context) {
     static sphm_status (*const rules[])(const sphm_parameters *, sphm_context *) = {
-        check_ranges,         check_potentials, check_conduction, check_fibres,
-        check_line_of_action, check_colours,    check_time_step,  check_tendon,
+        check_ranges,  check_potentials, check_conduction, check_fibres,   check_line_of_action,
+        check_colours, check_time_step,  check_tendon,     check_start_up,
     };
     if (!parameters)
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "parameters are NULL");

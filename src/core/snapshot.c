@@ -87,10 +87,11 @@ uint64_t sphm_state_hash(const sphm_state *state) {
 
 /* The model's fingerprint -------------------------------------------------------------------------------- */
 
-/* Parameters that do not change what a step computes, and those whose work is done once the body is built:
- * the body itself is compared. */
+/* Parameters that do not change what a step computes, and those whose work is done once the body is built, or
+ * once time has begun: body and state speak for themselves. */
 static int is_fingerprinted(const sphm_parameter_info *row) {
-    static const char *const skipped[] = {"backend", "threads", "seed", "stimulus"};
+    static const char *const skipped[] = {"backend",         "threads",     "seed",        "stimulus",
+                                          "initial_stretch", "settle_time", "settle_speed"};
     for (size_t k = 0; k < sizeof skipped / sizeof *skipped; ++k)
         if (strcmp(row->name, skipped[k]) == 0)
             return 0;
@@ -410,6 +411,9 @@ sphm_status sphm_muscle_save(sphm_muscle *muscle, const char *path, sphm_context
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT,
                          "the muscle has failed and is not saved (%s); reset it or load a snapshot",
                          muscle->failure);
+    const sphm_status started = sphm_muscle_finish_start(muscle, context);
+    if (started != SPHM_OK)
+        return started;
     const sphm_state *state = sphm_muscle_state(muscle);
     int32_t *slots = slots_by_id(state);
     sphm_writer writer = {NULL, 0, 0, slots == NULL};

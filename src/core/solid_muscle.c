@@ -63,7 +63,12 @@ static void set_condition(sphm_muscle *muscle, int end, int condition, const dou
     memcpy(muscle->solid.ends[end].load_N, load_N, sizeof muscle->solid.ends[end].load_N);
 }
 
+/* What is commanded before a muscle is ready acts from time 0 on, when the end is at its start pose. */
 static void frame_now(const sphm_muscle *muscle, int end, sphm_end_state *now) {
+    if (!muscle->start.ready) {
+        sphm_end_motion_at(&muscle->start.ends[end].motion, INFINITY, now);
+        return;
+    }
     sphm_end_frame_state(&muscle->model.ends[end], &muscle->solid.ends[end], sphm_muscle_time(muscle),
                          &muscle->ops->clock(muscle->backend)->ends[end], now);
 }
@@ -184,6 +189,6 @@ sphm_status sphm_muscle_wrench(sphm_muscle *muscle, int end, sphm_wrench *wrench
         status = check_end(end, context);
     if (status != SPHM_OK)
         return status;
-    muscle->ops->wrench(muscle->backend, &muscle->solid.ends[end], end, wrench);
+    muscle->ops->wrench(muscle->backend, &sphm_muscle_drives(muscle)[end], end, wrench);
     return SPHM_OK;
 }

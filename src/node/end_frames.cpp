@@ -91,6 +91,43 @@ bool EndFrames::known_at(const ros::Time &stamp, std::string *why) const {
     return true;
 }
 
+// Starting ------------------------------------------------------------------------------------------------
+
+bool EndFrames::place(sphm_muscle *muscle, const ros::Time &now) {
+    std::array<tf2::Transform, SPHM_END_COUNT> starts;
+    bool any = false, all = true;
+    for (int e = 0; e < SPHM_END_COUNT; ++e) {
+        const auto at = static_cast<std::size_t>(e);
+        End &end = ends_[at];
+        tf2::Transform frame;
+        ros::Time stamp;
+        starts[at] = end_now(muscle, e);
+        if (end.frame.empty() || !(end.captured || end.offset_given))
+            continue;
+        if (!look_up(&end, now, &frame, &stamp)) {
+            all = false;
+            continue;
+        }
+        if (!end.captured)
+            capture(muscle, e, frame);
+        end.frame_seen = frame;
+        end.problem.clear();
+        starts[at] = frame * end.place;
+        any = true;
+    }
+    if (!any)
+        return all;
+    if (along_line_)
+        orient_along_line(muscle, &starts);
+    for (int e = 0; e < SPHM_END_COUNT; ++e) {
+        const sphm_end_pose pose = pose_of(starts[static_cast<std::size_t>(e)]);
+        sphm_context context{};
+        if (sphm_muscle_set_start_pose(muscle, e, &pose, &context) != SPHM_OK)
+            ends_[static_cast<std::size_t>(e)].problem = context.message; // it follows from rest, if it can
+    }
+    return all;
+}
+
 // Following -----------------------------------------------------------------------------------------------
 
 void EndFrames::follow(sphm_muscle *muscle, double tick_s, const ros::Time &now) {

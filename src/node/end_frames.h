@@ -27,6 +27,9 @@ class EndFrames {
         return !ends_[SPHM_END_ORIGIN].frame.empty() || !ends_[SPHM_END_INSERTION].frame.empty();
     }
 
+    // On the thread of the muscle, before its start-up phase: the ends whose places in their frames are given
+    // or known from before start there. False: not all of these frames are to be seen.
+    bool place(sphm_muscle *muscle, const ros::Time &now);
     // On the thread of the muscle, before a tick of tick_s: sends the ends towards the newest transforms.
     // `now` is what transforms' stamps are compared with.
     void follow(sphm_muscle *muscle, double tick_s, const ros::Time &now);

@@ -94,6 +94,7 @@ void MuscleNode::create_simulation() {
     for (std::size_t i = 0; i < muscles_.size(); ++i)
         muscles_[i]->connect(simulation_.get(), i);
     Simulation::Listener listener;
+    listener.place = [this] { return place(); };
     listener.prepare = [this](double tick_s) { prepare(tick_s); };
     listener.publish = [this](bool all) { publish(all); };
     listener.failed = [](const std::string &why) {
@@ -161,6 +162,22 @@ ros::Time MuscleNode::stamp() const {
     return clock_ ? ros::Time(simulation_->clock_s()) : ros::Time::now();
 }
 
+// Ends whose places in their frames are known start there. Frames that are not there yet are waited for, but
+// not for ever: what comes later is followed from rest.
+bool MuscleNode::place() {
+    const WallTime wall = WallClock::now();
+    if (placing_until_ == WallTime())
+        placing_until_ = wall + longest_wait_for_frames;
+    const ros::Time now = coupling_ ? coupling_->now() : stamp();
+    bool all = true;
+    for (const auto &muscle : muscles_)
+        all = muscle->place(now) && all;
+    if (!all && wall < placing_until_)
+        return false;
+    placing_until_ = WallTime();
+    return true;
+}
+
 void MuscleNode::prepare(double tick_s) {
     if (coupling_)
         coupling_->advance(muscles_, tick_s);
@@ -182,7 +199,8 @@ void MuscleNode::publish(bool all) {
     if (look)
         ticks_since_look_ = 0;
     for (const auto &muscle : muscles_) {
-        muscle->publish_wrenches(now);
+        if (simulation_->ready())
+            muscle->publish_wrenches(now);
         if (look)
             muscle->publish(now, all);
     }
@@ -198,16 +216,17 @@ bool MuscleNode::reset_all(std::string *message) {
     }
     if (coupling_)
         coupling_->reset();
-    state_replaced();
+    state_replaced(true);
     *message = "at rest, time 0";
     return true;
 }
 
 // After a reset or a restored snapshot.
-void MuscleNode::state_replaced() {
+void MuscleNode::state_replaced(bool starts) {
     for (const auto &muscle : muscles_)
         muscle->restart();
-    simulation_->state_replaced();
+    placing_until_ = WallTime();
+    simulation_->state_replaced(starts);
 }
 
 // Services ------------------------------------------------------------------------------------------------
@@ -298,7 +317,7 @@ bool MuscleNode::load_snapshot(Snapshot::Request &request, Snapshot::Response &r
     const bool done = simulation_->call([&] {
         response.success = sphm_muscle_load(simulation_->muscle(), path.c_str(), &context) == SPHM_OK;
         if (response.success)
-            state_replaced();
+            state_replaced(false);
         response.simulated_time = sphm_muscle_time(simulation_->muscle());
     });
     response.message = !done ? going_down : response.success ? path : context.message;
@@ -337,8 +356,9 @@ void MuscleNode::diagnose_state(diagnostic_updater::DiagnosticStatusWrapper &sta
     } else if (std::fabs(drift) > 0.1) {
         status.summaryf(DiagnosticStatus::WARN, "volume changed by %.1f %%", 100 * drift);
     } else {
-        status.summary(DiagnosticStatus::OK, "finite");
+        status.summary(DiagnosticStatus::OK, health.ready ? "finite" : "starting up");
     }
+    status.add("ready", health.ready);
     status.add("non-finite particles", health.nonfinite);
     status.addf("volume drift", "%.5f", drift);
     status.addf("simulated time (s)", "%.3f", health.simulated_time_s);

@@ -52,10 +52,11 @@ class MuscleNode {
     bool wait_for_frames(const ros::Time &stamp, std::string *message) const;
 
     // On the simulation's thread.
+    bool place();
     void prepare(double tick_s);
     void publish(bool all);
     bool reset_all(std::string *message);
-    void state_replaced();
+    void state_replaced(bool starts);
     ros::Time stamp() const;
 
     // Diagnostics.
@@ -71,6 +72,7 @@ class MuscleNode {
     std::unique_ptr<tf2_ros::TransformListener> frames_listener_; // none when no end follows tf
     ros::Publisher clock_;                                        // none unless asked for
     Muscles muscles_;
+    WallTime placing_until_; // how long the frames of the ends' start poses are waited for; 0: not yet
     uint64_t ticks_between_looks_ = 1, ticks_since_look_ = 0;
 
     // Below all that its thread uses, so that the thread has ended before any of that is destroyed; above the

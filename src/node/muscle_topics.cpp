@@ -220,10 +220,18 @@ bool MuscleTopics::frames_known_at(const ros::Time &stamp, std::string *why) con
     return ends_.known_at(stamp, why);
 }
 
+bool MuscleTopics::place(const ros::Time &now) {
+    return !ends_.any() || ends_.place(muscle(), now);
+}
+
 void MuscleTopics::follow(double tick_s, const ros::Time &now) {
     if (!ends_.any())
         return;
     ends_.follow(muscle(), tick_s, now);
+    warn_of_ends();
+}
+
+void MuscleTopics::warn_of_ends() {
     const char *const names[SPHM_END_COUNT] = {"origin", "insertion"};
     for (int end = 0; end < SPHM_END_COUNT; ++end) {
         if (!ends_.problem(end).empty())
@@ -303,6 +311,7 @@ bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
         return false;
     }
     fill_state(observation, state);
+    state->ready = simulation_->ready();
     state->paused = simulation_->paused();
     state->origin_following = ends_.following(SPHM_END_ORIGIN);
     state->insertion_following = ends_.following(SPHM_END_INSERTION);

@@ -46,6 +46,8 @@ class MuscleTopics {
     const std::string &frame_of(int end) const { return ends_.frame(end); }
 
     // On the simulation's thread.
+    // Puts ends where they start; false: frames are missing.
+    bool place(const ros::Time &now);
     void follow(double tick_s, const ros::Time &now);
     void restart() { ends_.restart(); } // after a reset or a restored snapshot
     // The muscle's action on the bone; false for the fluid.
@@ -78,6 +80,7 @@ class MuscleTopics {
 
     // On the simulation's thread.
     sphm_muscle *muscle() const { return simulation_->muscle(index_); }
+    void warn_of_ends();
     void warn(const std::string &what, const std::string &text);
     void publish_surface(const std_msgs::Header &header);
     uint8_t condition(int end) const; // MuscleState::HELD, ...

@@ -10,6 +10,10 @@ namespace {
 
 constexpr std::size_t max_queued_commands = 1000;
 constexpr auto republish_period = std::chrono::milliseconds(500);
+// A start-up phase goes on for so long, of its own time, before commands are looked at; and so often it is
+// shown.
+constexpr double start_up_slice_s = 4e-3;
+constexpr auto start_up_shown_every = std::chrono::milliseconds(100);
 // Threads that sleep until the others are there take some 50 us to meet: several muscles meet this seldom, in
 // simulated seconds.
 constexpr double shortest_shared_slice_s = 4e-3;
@@ -144,6 +148,10 @@ void Simulation::run() {
 
 void Simulation::run_once() {
     do_commands();
+    if (starting_ && !failed()) {
+        start_up();
+        return;
+    }
     if (!ticking()) {
         rest();
         return;
@@ -156,6 +164,29 @@ void Simulation::run_once() {
     advance_slice();
     if (slices_left_ == 0 && !failed())
         end_tick();
+}
+
+// Paused or not: a paused muscle is one that is ready for its first tick.
+void Simulation::start_up() {
+    placed_ = placed_ || listener_.place();
+    if (!placed_) {
+        wait(std::chrono::milliseconds(10));
+    } else if (!advance_all([](sphm_muscle *muscle, sphm_context *context) {
+                   return sphm_muscle_start_up(muscle, start_up_slice_s, context);
+               })) {
+        return;
+    }
+    starting_ = !placed_ || std::any_of(muscles_.begin(), muscles_.end(),
+                                        [](const auto &each) { return sphm_muscle_ready(each.get()) == 0; });
+    if (!starting_) {
+        schedule_.restart(WallClock::now());
+        real_time_factor_.restart(WallClock::now(), sphm_muscle_time(muscle()));
+    } else if (WallClock::now() - start_shown_ < start_up_shown_every) {
+        return;
+    }
+    start_shown_ = WallClock::now();
+    refresh_health();
+    listener_.publish(true);
 }
 
 void Simulation::do_commands() {
@@ -181,16 +212,19 @@ bool Simulation::wait_until_due() {
 // opened now has a muscle to show. (A latched topic would not do: nothing is published while nobody listens.)
 void Simulation::rest() {
     refresh_health();
-    bool woken;
-    {
-        std::unique_lock<std::mutex> lock(mutex_);
-        woken = wake_.wait_for(lock, republish_period,
-                               [this] { return stopping_ || publish_requested_ || !commands_.empty(); });
-        if (stopping_ || (woken && !publish_requested_))
-            return;
-        publish_requested_ = false;
-    }
-    listener_.publish(true);
+    if (wait(republish_period))
+        listener_.publish(true);
+}
+
+// For a command, somebody who wants to see the muscle, or the end of the wait. False: do not publish.
+bool Simulation::wait(std::chrono::milliseconds longest) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    const bool woken = wake_.wait_for(
+        lock, longest, [this] { return stopping_ || publish_requested_ || !commands_.empty(); });
+    if (stopping_ || (woken && !publish_requested_))
+        return false;
+    publish_requested_ = false;
+    return true;
 }
 
 void Simulation::begin_tick() {
@@ -215,18 +249,18 @@ uint64_t Simulation::most_steps() const {
     return most;
 }
 
-// One slice of every muscle. Muscles side by side have one thread each: nested teams are off in OpenMP unless
-// somebody asks for them, and results do not depend on the number of threads.
-bool Simulation::advance_all() {
+// `advance` for every muscle. Muscles side by side have one thread each: nested teams are off in OpenMP
+// unless somebody asks for them, and results do not depend on the number of threads.
+bool Simulation::advance_all(const Advance &advance) {
     const int count = static_cast<int>(size());
     std::vector<sphm_status> statuses(size(), SPHM_OK);
     if (count == 1) {
-        statuses[0] = sphm_muscle_advance(muscle(), slice_s_, &contexts_[0]);
+        statuses[0] = advance(muscle(), &contexts_[0]);
     } else {
 #pragma omp parallel for num_threads(count) schedule(static, 1)
         for (int i = 0; i < count; ++i) {
             const auto at = static_cast<std::size_t>(i);
-            statuses[at] = sphm_muscle_advance(muscle(at), slice_s_, &contexts_[at]);
+            statuses[at] = advance(muscle(at), &contexts_[at]);
         }
     }
     for (std::size_t i = 0; i < size(); ++i) {
@@ -243,7 +277,10 @@ bool Simulation::advance_all() {
 void Simulation::advance_slice() {
     const uint64_t steps = most_steps();
     const WallTime began = WallClock::now();
-    if (!advance_all()) {
+    const double slice_s = slice_s_;
+    if (!advance_all([slice_s](sphm_muscle *muscle, sphm_context *context) {
+            return sphm_muscle_advance(muscle, slice_s, context);
+        })) {
         listener_.publish(true);
         return;
     }
@@ -298,10 +335,12 @@ void Simulation::set_paused(bool paused) {
     listener_.publish(true);
 }
 
-void Simulation::state_replaced() {
+void Simulation::state_replaced(bool starts) {
     end_stepping("interrupted by a reset or a restored snapshot");
     failure_.clear();
     slices_left_ = 0;
+    starting_ = starts;
+    placed_ = !starts;
     schedule_.restart(WallClock::now());
     real_time_factor_.restart(WallClock::now(), sphm_muscle_time(muscle()));
     refresh_health();
@@ -317,6 +356,7 @@ void Simulation::refresh_health() {
             fresh.volume_ratio = observation.volume_ratio; // the worst
         fresh.nonfinite += observation.nonfinite;
     }
+    fresh.ready = ready();
     fresh.paused = paused_;
     fresh.failed = failed();
     fresh.failure = failure_;

@@ -26,7 +26,7 @@ namespace sph_muscle {
 
 // A copy of what the thread knows about itself; for diagnostics.
 struct Health {
-    bool paused = false, failed = false;
+    bool ready = false, paused = false, failed = false;
     std::string failure;
     double simulated_time_s = 0, real_time_factor = 0, tick_p99_s = 0, step_p99_s = 0, volume_ratio = 1;
     uint64_t ticks = 0, overruns = 0, steps = 0, nonfinite = 0;
@@ -36,6 +36,8 @@ class Simulation {
   public:
     using Command = std::function<void()>;
     struct Listener {
+        // Before the muscles' start-up phases: puts their ends where they start. False: ask again soon.
+        std::function<bool()> place;
         std::function<void(double tick_s)> prepare; // before a tick
         std::function<void(bool all)> publish;      // after a tick; all: publish even what is thinned out
         std::function<void(const std::string &)> failed; // the muscles stopped, and why
@@ -68,11 +70,14 @@ class Simulation {
     sphm_muscle *muscle(std::size_t index = 0) const { return muscles_[index].get(); }
     // Simulated time since the start, in whole ticks. Unlike the muscles' own it never goes back.
     double clock_s() const { return static_cast<double>(ticks_) * tick_s_; }
+    bool ready() const { return !starting_; } // the start-up phases are over
     bool paused() const { return paused_; }
     bool failed() const { return !failure_.empty(); }
     double real_time_factor() const { return paused_ || failed() ? 0 : real_time_factor_.value(); }
     void set_paused(bool paused);
-    void state_replaced(); // after a reset or a restored snapshot: healthy again, a new tick begins
+    // After a reset (starts: the start-up phases begin again) or a restored snapshot: healthy again, a new
+    // tick begins.
+    void state_replaced(bool starts);
 
   private:
     struct DestroyMuscle {
@@ -82,13 +87,16 @@ class Simulation {
     void run();
     void run_once();
     void do_commands();
+    void start_up();
+    bool wait(std::chrono::milliseconds longest);
     bool ticking() const { return !failed() && (!paused_ || ticks_to_step_ > 0); }
     bool wait_until_due(); // false if woken early
     void rest();
     void begin_tick();
     double slice_at_least() const;
     void advance_slice();
-    bool advance_all();
+    using Advance = std::function<sphm_status(sphm_muscle *, sphm_context *)>;
+    bool advance_all(const Advance &advance);
     uint64_t most_steps() const;
     void end_tick();
     void stop_muscle(const std::string &why); // until it is reset or restored
@@ -109,12 +117,12 @@ class Simulation {
     Health health_;
 
     // The thread's own.
-    bool paused_ = false;
+    bool starting_ = true, placed_ = false, paused_ = false;
     std::string failure_;
     uint64_t ticks_to_step_ = 0, slices_left_ = 0, ticks_ = 0, overruns_ = 0;
     double slice_s_ = 0;
     std::function<void(const std::string &)> stepping_done_;
-    WallTime tick_began_, health_refreshed_;
+    WallTime tick_began_, health_refreshed_, start_shown_;
     Schedule schedule_;
     RealTimeFactor real_time_factor_;
     RecentValues tick_times_s_{600}, step_times_s_{2000};

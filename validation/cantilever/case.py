@@ -41,7 +41,7 @@ def sag(r, cells):
     spacing = SIDE / cells
     count = round(LENGTH / spacing) * cells**2
     m = sphm.Muscle(tissue="solid", preset="bar", belly_length=LENGTH, belly_width=SIDE, belly_thickness=SIDE,
-                    particles=count, attachment_fraction=0.1, velocity_damping=60, gravity=f"[0, 0, {-GRAVITY}]",
+                    particles=count, attachment_fraction=0.1, velocity_damping=60, settle_time=0, gravity=f"[0, 0, {-GRAVITY}]",
                     max_isometric_stress=LAW.sigma_max, optimal_fibre_stretch=LAW.optimal, bulk_modulus=LAW.K,
                     passive_compressive_stiffness=LAW.compressive, along_fibre_shear=LAW.G1, cross_fibre_shear=LAW.G2,
                     density=DENSITY)
