@@ -43,7 +43,8 @@ static const scenario scenarios[] = {
     {"solid, both ends stimulated", "tissue=solid time_step=2e-5", 0},
     {"solid, every command",
      "tissue=solid time_step=2e-5 anisotropy_ratio=4 fibres=pennate pennation_angle=15 velocity_damping=20 "
-     "gravity=[0,0,-9.81] settle_time=0 force_velocity=hill surface_pressure=200 tendon_ends=origin tendon_stiffness=2e4 "
+     "gravity=[0,0,-9.81] settle_time=0 force_velocity=hill surface_pressure=200 tendon_ends=origin "
+     "tendon_stiffness=2e4 "
      "tendon_slack_length=0.02",
      1},
     {"solid, diffusion several times a step",
