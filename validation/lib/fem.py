@@ -96,6 +96,12 @@ def box_mesh(length, width, thickness, size):
     return _mesh(lambda occ: occ.addBox(-width / 2, -thickness / 2, 0, width, thickness, length), size)
 
 
+def mesh_of(nodes, cells):
+    """A mesh from arrays of nodes and linear tetrahedra."""
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", "tetrahedron", 1))
+    return dolfinx.mesh.create_mesh(MPI.COMM_SELF, cells.astype(np.int64), np.ascontiguousarray(nodes), domain)
+
+
 def elements(body):
     """(nodes, tetrahedra as node numbers) of a body with positive volumes, in the order of most formats: corners, then the
     middles of the edges 12, 23, 31, 14, 24, 34. The nodes are those of body.points()."""
@@ -148,9 +154,10 @@ class NoSolution(Exception):
 
 class Body:
     """A body between two held faces, x = low and x = high; `shift` moves the upper face along x. `quarter`, `half`: what
-    of it the mesh is, as in belly_mesh()."""
+    of it the mesh is, as in belly_mesh(). `held`: (low, high) where those faces are not the ends of the mesh; what lies
+    beyond is held too."""
 
-    def __init__(self, mesh, law=None, order=2, quarter=False, half=False, drag_Pa_per_m2=1e7):
+    def __init__(self, mesh, law=None, order=2, quarter=False, half=False, held=None, drag_Pa_per_m2=1e7):
         self.mesh, self.law, self.order = mesh, law or Material(), order
         self.planes = (1, 2) if quarter else (1,) if half else ()
         self.share = 2 ** len(self.planes)
@@ -173,7 +180,7 @@ class Body:
         self._inner = fem.form(inner_force)
         self._tangent = fem.form(ufl.derivative(residual, self.u, du))
         x = mesh.geometry.x[:, 0]
-        self.low, self.high = x.min(), x.max()
+        self.low, self.high = held or (x.min(), x.max())
         near = 1e-6 * (self.high - self.low) + 1e-9
         self.dofs_low = fem.locate_dofs_geometrical(V, lambda p: p[0] < self.low + near)
         self.dofs_high = fem.locate_dofs_geometrical(V, lambda p: p[0] > self.high - near)

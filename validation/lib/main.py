@@ -15,8 +15,8 @@ import sphm  # noqa: E402
 
 ROOT = HERE.parent
 # In the order of the report.
-CASES = ["plane_wave", "activation_times", "fibre_bar", "force_velocity", "block", "cantilever", "belly", "isotonic", "febio",
-         "physiology", "paper_stability", "speed"]
+CASES = ["plane_wave", "activation_times", "fibre_bar", "force_velocity", "block", "cantilever", "belly", "isotonic", "triceps",
+         "triceps_volume_free", "vastus", "muscles_fluid", "real_muscles", "febio", "physiology", "paper_stability", "speed"]
 
 
 def load(name):
@@ -27,10 +27,10 @@ def load(name):
     return module
 
 
-def run_case(case, folder, quick):
+def run_case(case, folder, quick, go_on):
     """Whether every criterion holds. A case that dies is a failed one, and says why."""
     print(f"== {case.NAME}: {case.TITLE}", file=sys.stderr, flush=True)
-    r = results.Result(case.NAME, folder, quick, ROOT)
+    r = results.Result(case.NAME, folder, quick, ROOT, go_on)
     try:
         case.run(r)
     except Exception as error:  # the other cases go on
@@ -47,6 +47,8 @@ def main():
     parser = argparse.ArgumentParser(prog="validation/run", description="How right is this muscle?")
     parser.add_argument("cases", nargs="*", metavar="CASE", help="only these; all by default: " + ", ".join(CASES))
     parser.add_argument("--quick", action="store_true", help="coarse, in minutes; results go to build/validation-quick")
+    parser.add_argument("--continue", dest="go_on", action="store_true",
+                        help="take the parts that an interrupted run of a long case finished from build/validation-parts")
     parser.add_argument("--report", action="store_true", help="run nothing: write the report of the results that are kept")
     parser.add_argument("--threads", type=int, default=0, help="of the muscle; 0 (default): all there are")
     options = parser.parse_args()
@@ -61,7 +63,8 @@ def main():
     chosen = [c for c in cases if not options.cases or c.NAME in options.cases]
     if options.quick:
         chosen = [c for c in chosen if getattr(c, "QUICK", True)]
-    passed = [run_case(c, folder_of(c), options.quick) for c in chosen if not options.report]
+    chosen = [c for c in chosen if c.NAME in options.cases or getattr(c, "available", lambda: True)()]
+    passed = [run_case(c, folder_of(c), options.quick, options.go_on) for c in chosen if not options.report]
     shown = cases if not options.quick else chosen
     summary = report.write(shown, folder_of, target, options.quick,
                  f"Library: {sphm.build_configuration()}; {platform.machine()}.")

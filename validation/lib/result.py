@@ -30,8 +30,8 @@ def commit(root):
 class Result:
     """A case fills one. Everything is written to `folder` at once, so that an interrupted case leaves something."""
 
-    def __init__(self, case, folder, quick, root):
-        self.case, self.folder, self.quick, self.root = case, pathlib.Path(folder), quick, root
+    def __init__(self, case, folder, quick, root, go_on=False):
+        self.case, self.folder, self.quick, self.root, self.go_on = case, pathlib.Path(folder), quick, root, go_on
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True)
         self.began = time.time()
@@ -48,6 +48,25 @@ class Result:
         elif time.time() - self._last > 10:
             print(f"  {time.time() - self.began:6.0f} s  {text}", file=sys.stderr, flush=True)
             self._last = time.time()
+
+    def part(self, name, compute):
+        """What compute() returns (anything JSON can hold), with the notes it made: kept, so that an interrupted run of a long
+        case can go on (--continue)."""
+        path = self.root / "build" / "validation-parts" / self.case / f"{name}.json"
+        if self.go_on and not self.quick and path.exists():
+            kept = json.loads(path.read_text())
+        else:
+            before = len(self.data["notes"])
+            value = compute()
+            kept = {"commit": self.data["commit"], "value": value, "notes": self.data["notes"][before:]}
+            del self.data["notes"][before:]
+            if not self.quick:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(json.dumps(kept))
+        self.data["notes"] += kept["notes"]
+        if kept["commit"] != self.data["commit"]:
+            self.note(f"{name} was computed at commit {kept['commit']}.")
+        return kept["value"]
 
     def check(self, what, value, below=None, above=None, unit="%"):
         """A criterion: |value| <= below, or value >= above. NaN fails."""
@@ -78,7 +97,7 @@ class Result:
         with open(self.folder / f"{name}.csv", "w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)
-            writer.writerows([[f"{v:.6g}" for v in row] for row in rows])
+            writer.writerows([[v if isinstance(v, (str, int)) else f"{v:.6g}" for v in row] for row in rows])
 
     def figure(self, name, figure, caption):
         figure.savefig(self.folder / f"{name}.svg", metadata={"Date": None}, dpi=130)

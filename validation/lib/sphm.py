@@ -128,15 +128,28 @@ def _array(pointer, count, width=1):
     return flat.reshape(count, width) if width > 1 else flat
 
 
+def _surface(given):
+    """sphm_surface of (vertices, triangles), which the library copies; None stays None."""
+    if given is None:
+        return None
+    vertices, triangles = np.ascontiguousarray(given[0], float), np.ascontiguousarray(given[1], np.int32)
+    surface = _STRUCTS["sphm_surface"](len(vertices), len(triangles))
+    surface.vertices = vertices.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+    surface.triangles = triangles.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))
+    surface.kept = vertices, triangles
+    return ctypes.byref(surface)
+
+
 # The muscle -----------------------------------------------------------------------------------------------
 
 ORIGIN, INSERTION = 0, 1
 
 
 class Muscle:
-    """One muscle. Parameters by the names of the README; text and numbers are both taken."""
+    """One muscle. Parameters by the names of the README; text and numbers are both taken. `surface`: (vertices in m,
+    triangles) to fill instead of the preset."""
 
-    def __init__(self, **parameters):
+    def __init__(self, surface=None, **parameters):
         self.notes = []
         self._log = _LOG(lambda level, text, user: self.notes.append(text.decode()))
         self._context = Context(b"", self._log, None)
@@ -147,7 +160,7 @@ class Muscle:
             text = str(value).lower() if isinstance(value, bool) else repr(float(value)) if isinstance(
                 value, (float, np.floating)) else str(value)
             self._do("sphm_parameters_set", ctypes.byref(self.parameters), name.encode(), text.encode())
-        self._do("sphm_muscle_create", ctypes.byref(self.parameters), None, ctypes.byref(self._handle))
+        self._do("sphm_muscle_create", ctypes.byref(self.parameters), _surface(surface), ctypes.byref(self._handle))
         body = library().sphm_muscle_body(self._handle).contents
         self.count = body.count
         self.spacing, self.support, self.volume = body.spacing_m, body.support_radius_m, body.volume_m3
