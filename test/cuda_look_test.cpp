@@ -156,7 +156,10 @@ TEST(DeviceLook, DoesNotHoldUpTheSteps) {
     expect_same(second.particles, found.particles);
     EXPECT_EQ(found.observation.time_s, second.observation.time_s);
     sphm_skin late{}, now{};
+    emulated::patience() = 1000; // the third has begun
     ASSERT_EQ(sphm_muscle_glance_skin(gpu.handle, SPHM_FIELD_DISPLACEMENT, &late, nullptr), SPHM_OK);
+    EXPECT_EQ(sphm_muscle_glance_time(gpu.handle), second.observation.time_s);
+    emulated::patience() = 0;
     const std::vector<float> late_m(late.vertices_m, late.vertices_m + 3 * late.vertex_count);
     glance();
     expect_same(third.observation, found.observation);
@@ -249,6 +252,7 @@ TEST(DeviceLook, IsThePresentOnTheCpu) {
         ASSERT_EQ(sphm_muscle_observe(cpu.handle, &observed, nullptr), SPHM_OK);
         EXPECT_EQ(memcmp(&glanced, &observed, sizeof observed), 0);
         EXPECT_EQ(particles.count, cpu.count());
+        EXPECT_EQ(sphm_muscle_glance_time(cpu.handle), sphm_muscle_time(cpu.handle));
     }
 }
 

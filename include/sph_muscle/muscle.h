@@ -197,6 +197,8 @@ sphm_status sphm_muscle_observe(sphm_muscle *muscle, sphm_observation *observati
  * be NULL; both are of the same moment. */
 sphm_status sphm_muscle_glance(sphm_muscle *muscle, sphm_particles *particles, sphm_observation *observation,
                                sphm_context *context);
+/* Simulated time of what the last glance, of either kind, has handed out. */
+double sphm_muscle_glance_time(const sphm_muscle *muscle);
 
 /* The whole state, byte for byte: FNV-1a of all state arrays by particle id, and of the time. */
 uint64_t sphm_muscle_hash(sphm_muscle *muscle);
@@ -215,7 +217,7 @@ typedef struct sphm_skin {
 } sphm_skin;
 /* `field`: SPHM_FIELD_...; buffers are the muscle's, valid until the next non-const call on it. */
 sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
-/* Of the particles that the last sphm_muscle_glance() handed out; of the present ones where it has not. */
+/* Of the last look that has finished, as sphm_muscle_glance(). */
 sphm_status sphm_muscle_glance_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
 
 /* Where the time went since creation, reset or the last sphm_muscle_reset_timing(), s of wall time. */

@@ -177,22 +177,27 @@ sphm_status sphm_muscle_glance(sphm_muscle *muscle, sphm_particles *particles, s
     return status;
 }
 
-sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context) {
+static sphm_status get_skin(sphm_muscle *muscle, int late, int field, sphm_skin *skin,
+                            sphm_context *context) {
     sphm_particles particles;
     sphm_observer *observer = sphm_muscle_observer(muscle, context);
     if (!observer)
         return SPHM_REFUSED_MEMORY;
-    if (!look_there(muscle, observer, 1, 0))
+    if (!look_there(muscle, observer, 1, late))
         return sphm_observer_skin(observer, sphm_muscle_state(muscle), field, skin, context);
     sphm_observer_hand_out(observer, muscle->looks.looked.fields, &particles);
     return sphm_observer_drape(observer, &particles, muscle->looks.looked.place_m, field, skin, context);
 }
 
+sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context) {
+    return get_skin(muscle, 0, field, skin, context);
+}
+
 sphm_status sphm_muscle_glance_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context) {
-    sphm_particles particles;
-    if (!muscle->looks.there || muscle->looks.refused || !muscle->looks.looked.fields)
-        return sphm_muscle_skin(muscle, field, skin, context);
-    sphm_observer_hand_out(muscle->observer, muscle->looks.looked.fields, &particles);
-    return sphm_observer_drape(muscle->observer, &particles, muscle->looks.looked.place_m, field, skin,
-                               context);
+    return get_skin(muscle, 1, field, skin, context);
+}
+
+double sphm_muscle_glance_time(const sphm_muscle *muscle) {
+    return muscle->looks.there && !muscle->looks.refused ? muscle->looks.seen.time_s
+                                                         : sphm_muscle_time(muscle);
 }

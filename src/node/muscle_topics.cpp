@@ -261,39 +261,64 @@ void MuscleTopics::publish_wrenches(const ros::Time &stamp) {
     }
 }
 
-void MuscleTopics::publish(const ros::Time &stamp, bool all) {
+// While it runs, the last look that has finished: a GPU is not waited for. What stands still is shown as it
+// is.
+sphm_status MuscleTopics::look(bool late, sphm_particles *particles, sphm_observation *observation,
+                               sphm_context *context) {
+    if (late)
+        return sphm_muscle_glance(muscle(), particles, observation, context);
+    sphm_status status = SPHM_OK;
+    if (observation != nullptr)
+        status = sphm_muscle_observe(muscle(), observation, context);
+    if (status == SPHM_OK && particles != nullptr)
+        status = sphm_muscle_particles(muscle(), particles, context);
+    return status;
+}
+
+std_msgs::Header MuscleTopics::header(const ros::Time &stamp, bool late) {
     std_msgs::Header header;
-    header.stamp = stamp;
+    const double age_s = late ? sphm_muscle_time(muscle()) - sphm_muscle_glance_time(muscle()) : 0;
+    header.stamp = age_s > 0 && age_s < stamp.toSec() ? stamp - ros::Duration(age_s) : stamp;
     header.frame_id = parameters_.frame_id;
+    return header;
+}
+
+void MuscleTopics::publish(const ros::Time &stamp, bool all) {
     const WallTime now = WallClock::now();
     // Arrows and text need not come at the full rate, and rviz pays for each of them.
     const bool with_markers =
         markers_.getNumSubscribers() > 0 && (all || now - markers_published_ >= markers_period);
-    MuscleState state;
-    if (state_.getNumSubscribers() > 0 || with_markers) {
-        if (observe(header, &state) && state_.getNumSubscribers() > 0)
-            state_.publish(state);
-    }
-    if (particles_.getNumSubscribers() > 0 || with_markers) {
+    const bool with_state = state_.getNumSubscribers() > 0 || with_markers;
+    const bool with_particles = particles_.getNumSubscribers() > 0 || with_markers;
+    if (with_state || with_particles) {
         sphm_particles particles{};
+        sphm_observation observation{};
         sphm_context context = quiet_context();
-        if (sphm_muscle_particles(muscle(), &particles, &context) != SPHM_OK) {
-            warn(particles_.getTopic(), context.message);
-        } else {
-            if (particles_.getNumSubscribers() > 0) {
-                sensor_msgs::PointCloud2 cloud;
-                cloud.header = header;
-                fill_cloud(particles, &cloud);
-                particles_.publish(cloud);
-            }
-            if (with_markers) {
-                markers_.publish(make_markers(muscle(), particles, state));
-                markers_published_ = now;
-            }
+        const sphm_status status =
+            look(!all, with_particles ? &particles : nullptr, with_state ? &observation : nullptr, &context);
+        if (status > SPHM_OK) {
+            warn((with_state ? state_ : particles_).getTopic(), context.message);
+            return;
+        }
+        MuscleState state;
+        state.header = header(stamp, !all);
+        if (with_state)
+            describe(observation, &state);
+        if (state_.getNumSubscribers() > 0)
+            state_.publish(state);
+        if (particles_.getNumSubscribers() > 0) {
+            sensor_msgs::PointCloud2 cloud;
+            cloud.header = state.header;
+            fill_cloud(particles, &cloud);
+            particles_.publish(cloud);
+        }
+        if (with_markers) {
+            markers_.publish(make_markers(muscle(), particles, state));
+            markers_published_ = now;
         }
     }
     if (surface_.getNumSubscribers() > 0)
-        publish_surface(header);
+        publish_surface(stamp, !all);
 }
 
 uint8_t MuscleTopics::condition(int end) const {
@@ -301,15 +326,7 @@ uint8_t MuscleTopics::condition(int end) const {
     return condition < 0 ? 0 : static_cast<uint8_t>(condition); // the fluid's ends are held
 }
 
-bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
-    sphm_observation observation{};
-    sphm_context context = quiet_context();
-    state->header = header;
-    const sphm_status status = sphm_muscle_observe(muscle(), &observation, &context);
-    if (status > SPHM_OK) {
-        warn(state_.getTopic(), context.message);
-        return false;
-    }
+void MuscleTopics::describe(const sphm_observation &observation, MuscleState *state) {
     fill_state(observation, state);
     state->ready = simulation_->ready();
     state->paused = simulation_->paused();
@@ -321,19 +338,19 @@ bool MuscleTopics::observe(const std_msgs::Header &header, MuscleState *state) {
     state->failed = simulation_->failed();
     state->real_time_factor = simulation_->real_time_factor();
     state->steps = sphm_muscle_steps(muscle());
-    return true;
 }
 
-void MuscleTopics::publish_surface(const std_msgs::Header &header) {
+void MuscleTopics::publish_surface(const ros::Time &stamp, bool late) {
     sphm_skin skin{};
     sphm_context context = quiet_context();
-    if (sphm_muscle_skin(muscle(), parameters_.surface_field, &skin, &context) != SPHM_OK) {
+    const auto get = late ? sphm_muscle_glance_skin : sphm_muscle_skin;
+    if (get(muscle(), parameters_.surface_field, &skin, &context) != SPHM_OK) {
         warn(surface_.getTopic(), context.message);
         return;
     }
     colours_.follow(skin.field, skin.vertex_count);
     visualization_msgs::Marker marker;
-    marker.header = header;
+    marker.header = header(stamp, late);
     fill_surface(skin, colours_, &marker);
     surface_.publish(marker);
 }

@@ -82,9 +82,12 @@ class MuscleTopics {
     sphm_muscle *muscle() const { return simulation_->muscle(index_); }
     void warn_of_ends();
     void warn(const std::string &what, const std::string &text);
-    void publish_surface(const std_msgs::Header &header);
+    void publish_surface(const ros::Time &stamp, bool late);
     uint8_t condition(int end) const; // MuscleState::HELD, ...
-    bool observe(const std_msgs::Header &header, MuscleState *state);
+    sphm_status look(bool late, sphm_particles *particles, sphm_observation *observation,
+                     sphm_context *context);
+    std_msgs::Header header(const ros::Time &stamp, bool late);
+    void describe(const sphm_observation &observation, MuscleState *state);
 
     std::string name_;
     ros::NodeHandle handle_;

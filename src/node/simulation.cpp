@@ -351,7 +351,10 @@ void Simulation::refresh_health() {
     Health fresh;
     for (const auto &each : muscles_) {
         sphm_observation observation{};
-        sphm_muscle_observe(each.get(), &observation, nullptr);
+        if (paused_ || failed())
+            sphm_muscle_observe(each.get(), &observation, nullptr);
+        else
+            sphm_muscle_glance(each.get(), nullptr, &observation, nullptr); // nobody waits for a GPU
         if (!(std::fabs(observation.volume_ratio - 1) <= std::fabs(fresh.volume_ratio - 1)))
             fresh.volume_ratio = observation.volume_ratio; // the worst
         fresh.nonfinite += observation.nonfinite;
