@@ -156,6 +156,7 @@ class Muscle:
         self._handle = ctypes.c_void_p()
         self.parameters = library().sphm_parameters_default()
         parameters.setdefault("threads", THREADS)
+        parameters.setdefault("passive_compressive_stiffness", 0)  # Table 3 alone, as the references have it
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else repr(float(value)) if isinstance(
                 value, (float, np.floating)) else str(value)
