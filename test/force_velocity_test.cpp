@@ -12,7 +12,7 @@ sphm_parameters hill_bar() {
     p.shortening_speed_max = 4;
     p.rate_filter = 0.01;
     p.velocity_damping = 20;
-    p.mass_scaling = 9;        // inertia stays below 1 % of the force at these speeds
+    p.mass_scaling = 9; // inertia stays below 1 % of the force at these speeds
     p.passive_coefficient = p.passive_compressive_stiffness = 0; // active forces only
     return p;
 }
