@@ -320,8 +320,8 @@ TEST(EmulatedSolid, TakesAStateFromTheCpuAndGivesItBack) {
     EXPECT_EQ(sphm_muscle_hash(gpu.handle), before);
 }
 
-// The step that failed, and nothing after it: the same particle, time and state as on the CPU, in the middle
-// of a submission.
+// The step that failed, and nothing after it: the same time and state as on the CPU, in the middle of a
+// submission. Several particles turn in that step; which one is named follows the slots, which differ.
 TEST(EmulatedSolid, StopsAtTheStepThatFails) {
     Muscle cpu(solid());
     Emulated gpu(solid());
@@ -339,7 +339,11 @@ TEST(EmulatedSolid, StopsAtTheStepThatFails) {
     }
     EXPECT_NE(std::string(cpu.context.message).find("turned inside out"), std::string::npos)
         << cpu.context.message;
-    EXPECT_STREQ(gpu.context.message, cpu.context.message);
+    const auto after_particle = [](const Muscle &muscle) {
+        const std::string message = muscle.context.message;
+        return message.substr(std::min(message.find(" is turned"), message.size()));
+    };
+    EXPECT_EQ(after_particle(gpu), after_particle(cpu));
     EXPECT_GT(sphm_muscle_steps(gpu.handle), 1u);
     EXPECT_LT(sphm_muscle_steps(gpu.handle), 100u);
     EXPECT_NE(sphm_muscle_steps(gpu.handle) % SPHM_SUBMISSION_STEPS, 0u);

@@ -66,16 +66,18 @@ inline std::vector<Vector> block(const Vector &size, double spacing, double jitt
 struct Scene {
     size_t count = 0;
     double spacing = 0, volume = 0, mass = 0;
-    std::vector<sphm_real> rest[3], fibre[3], activation, density, pressure;
-    std::vector<uint8_t> held; // 0 free, 1 origin, 2 insertion
+    std::vector<sphm_real> rest[3], fibre[3], shift[3], velocity[3], activation, density, pressure;
+    std::vector<int32_t> particle; // the point of each slot
+    std::vector<uint8_t> held;     // 0 free, 1 origin, 2 insertion
     sphm_grid grid{};
     sphm_neighbours rows{};
     sphm_gradient gradient{};
+    sphm_lattice lattice{};
     sphm_solid_lines lines{};
     sphm_solid_field field{};
 
     Scene(const std::vector<Vector> &points, double spacing_m, double volume_m3, double ratio = 2.6,
-          int threads = 1)
+          int threads = 1, bool columns = true)
         : count(points.size()), spacing(spacing_m), volume(volume_m3), mass(1112 * volume_m3) {
         std::vector<sphm_real> p[3];
         for (int d = 0; d < 3; ++d) {
@@ -83,6 +85,10 @@ struct Scene {
                 p[d].push_back(sphm_real(point[d]));
             rest[d].resize(count);
             fibre[d].assign(count, sphm_real(d == 0));
+            shift[d].assign(count, 0);
+            velocity[d].assign(count, 0);
+            field.shift[d] = shift[d].data();
+            field.velocity[d] = velocity[d].data();
         }
         activation.assign(count, 0);
         held.assign(count, 0);
@@ -92,17 +98,20 @@ struct Scene {
         require(sphm_grid_sort(&grid, p[0].data(), p[1].data(), p[2].data(), id.data(), count,
                                ratio * spacing, &context),
                 context);
+        particle.assign(grid.order, grid.order + count);
         for (size_t slot = 0; slot < count; ++slot)
             for (int d = 0; d < 3; ++d)
-                rest[d][slot] = p[d][size_t(grid.order[slot])];
+                rest[d][slot] = p[d][size_t(particle[slot])];
         require(sphm_neighbours_build(&rows, &grid, rest[0].data(), rest[1].data(), rest[2].data(), count,
                                       ratio * spacing, 1, &context),
                 context);
+        if (columns)
+            follow_lattice();
         require(sphm_gradient_create(&gradient, &rows, rest[0].data(), rest[1].data(), rest[2].data(),
                                      ratio * spacing, volume, &context),
                 context);
         require(sphm_solid_lines_create(&lines, &rows, &gradient, rest[0].data(), rest[1].data(),
-                                        rest[2].data(), &context),
+                                        rest[2].data(), columns ? &lattice : nullptr, &context),
                 context);
         field.fibre_x = fibre[0].data();
         field.fibre_y = fibre[1].data();
@@ -122,8 +131,30 @@ struct Scene {
     ~Scene() {
         sphm_solid_lines_free(&lines);
         sphm_gradient_free(&gradient);
+        sphm_lattice_free(&lattice);
         sphm_neighbours_free(&rows);
         sphm_grid_free(&grid);
+    }
+
+    template <typename T> static void reorder(std::vector<T> &values, const std::vector<int32_t> &order) {
+        const std::vector<T> old = values;
+        for (size_t slot = 0; slot < order.size(); ++slot)
+            values[slot] = old[size_t(order[slot])];
+    }
+
+    void follow_lattice() {
+        sphm_context context{};
+        const sphm_real *const position[3] = {rest[0].data(), rest[1].data(), rest[2].data()};
+        require(sphm_lattice_find(&lattice, &rows, position, &context), context);
+        if (!lattice.site)
+            return;
+        std::vector<int32_t> order(count), scratch(3 * count);
+        require(sphm_lattice_order(&lattice, order.data(), &context), context);
+        require(sphm_neighbours_reorder(&rows, order.data(), &context), context);
+        sphm_lattice_permute(&lattice, order.data(), scratch.data());
+        reorder(particle, order);
+        for (auto &r : rest)
+            reorder(r, order);
     }
 
     static void require(sphm_status status, const sphm_context &context) {
@@ -131,8 +162,18 @@ struct Scene {
             throw std::runtime_error(context.message);
     }
 
-    sphm_real *motion(size_t slot) { return lines.motion + SPHM_MOTION_LINE * slot; }
-    const sphm_real *force(size_t slot) const { return lines.force + 4 * slot; }
+    // Displacement [0 ... 2] and velocity [4 ... 6] of a particle.
+    struct Motion {
+        Scene &scene;
+        size_t slot;
+        sphm_real &operator[](int d) const {
+            return d < 3 ? scene.shift[d][slot] : scene.velocity[d - 4][slot];
+        }
+    };
+    Motion motion(size_t slot) { return {*this, slot}; }
+    std::array<sphm_real, 3> force(size_t slot) const {
+        return {lines.force[0][slot], lines.force[1][slot], lines.force[2][slot]};
+    }
     Vector rest_at(size_t slot) const { return {rest[0][slot], rest[1][slot], rest[2][slot]}; }
 
     // Displacements u = (A - 1) X + t and velocities L X on every particle.
@@ -158,7 +199,7 @@ struct Scene {
 
     double stiffest() const {
         double modulus = 0;
-        for (size_t b = 0; b < sphm_block_count(count); ++b)
+        for (size_t b = 0; b < lines.blocks; ++b)
             modulus = std::fmax(modulus, lines.block_modulus_Pa[b]);
         return modulus;
     }
@@ -182,7 +223,7 @@ struct Scene {
         for (size_t slot = 0; slot < count; ++slot) {
             if (held[slot])
                 continue;
-            sphm_real *m = motion(slot);
+            const Motion m = motion(slot);
             for (int d = 0; d < 3; ++d) {
                 m[4 + d] = sphm_real(keep * m[4 + d] + dt * force(slot)[d] / mass);
                 m[d] += sphm_real(dt) * m[4 + d];

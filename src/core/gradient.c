@@ -178,6 +178,16 @@ static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows
                      n, pairs);
 }
 
+static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
+                       const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3) {
+    size_t pairs = 0;
+    for (size_t slot = 0; slot < rows->count; ++slot) {
+        build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
+        pairs += (size_t)rows->row_count[slot];
+    }
+    gradient->neighbours_per_particle = rows->count ? (double)pairs / (double)rows->count : 0;
+}
+
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                  const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
                                  sphm_context *context) {
@@ -186,14 +196,27 @@ sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours 
     const sphm_status status = allocate(gradient, rows, &work, context);
     if (status != SPHM_OK)
         return status;
-    size_t pairs = 0;
-    for (size_t slot = 0; slot < rows->count; ++slot) {
-        build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
-        pairs += (size_t)rows->row_count[slot];
-    }
-    gradient->neighbours_per_particle = rows->count ? (double)pairs / (double)rows->count : 0;
+    build_rows(gradient, rows, x, y, z, radius_m, volume_m3);
     gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, 0, work);
     gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, 1, work);
     free(work);
+    return SPHM_OK;
+}
+
+sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
+                                  const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
+                                  sphm_context *context) {
+    sphm_gradient rebuilt;
+    double *work;
+    memset(&rebuilt, 0, sizeof rebuilt);
+    const sphm_status status = allocate(&rebuilt, rows, &work, context);
+    if (status != SPHM_OK)
+        return status;
+    free(work);
+    build_rows(&rebuilt, rows, x, y, z, radius_m, volume_m3);
+    rebuilt.gradient_eigenvalue = gradient->gradient_eigenvalue;
+    rebuilt.hourglass_eigenvalue = gradient->hourglass_eigenvalue;
+    sphm_gradient_free(gradient);
+    *gradient = rebuilt;
     return SPHM_OK;
 }

@@ -217,6 +217,52 @@ sphm_status sphm_neighbours_build(sphm_neighbours *rows, const sphm_grid *grid, 
     return SPHM_OK;
 }
 
+static int compare_slots(const void *a, const void *b) {
+    const int32_t p = *(const int32_t *)a, q = *(const int32_t *)b;
+    return (p > q) - (p < q);
+}
+
+static void fill_reordered(const sphm_neighbours *from, const int32_t *order, const int32_t *renamed,
+                           sphm_neighbours *to) {
+    size_t next = 0;
+    for (size_t slot = 0; slot < to->count; ++slot) {
+        const int32_t *old = from->slot + from->row_start[order[slot]];
+        const int32_t count = from->row_count[order[slot]];
+        int32_t *row = to->slot + next;
+        to->row_start[slot] = next;
+        to->row_count[slot] = count;
+        next += ((size_t)count + SPHM_ROW_ALIGN - 1) / SPHM_ROW_ALIGN * SPHM_ROW_ALIGN;
+        for (int32_t k = 0; k < count; ++k)
+            row[k] = renamed[old[k]];
+        qsort(row, (size_t)count, sizeof *row, compare_slots);
+        for (int32_t *pad = row + count; pad < to->slot + next; ++pad)
+            *pad = (int32_t)slot;
+    }
+    to->row_start[to->count] = next;
+}
+
+sphm_status sphm_neighbours_reorder(sphm_neighbours *rows, const int32_t *order, sphm_context *context) {
+    sphm_neighbours reordered;
+    memset(&reordered, 0, sizeof reordered);
+    int32_t *renamed = (int32_t *)malloc((rows->count + 1) * sizeof *renamed);
+    sphm_status status = renamed ? reserve_rows(&reordered, rows->count, context)
+                                 : sphm_fail(context, SPHM_REFUSED_MEMORY,
+                                             "no memory to sort the rows of %zu particles", rows->count);
+    if (status == SPHM_OK)
+        status = reserve_slots(&reordered, rows->row_start[rows->count], context);
+    if (status == SPHM_OK) {
+        for (size_t slot = 0; slot < rows->count; ++slot)
+            renamed[order[slot]] = (int32_t)slot;
+        fill_reordered(rows, order, renamed, &reordered);
+        sphm_neighbours_free(rows);
+        *rows = reordered;
+    } else {
+        sphm_neighbours_free(&reordered);
+    }
+    free(renamed);
+    return status;
+}
+
 size_t sphm_neighbours_count_within(const sphm_neighbours *rows, const sphm_real *x, const sphm_real *y,
                                     const sphm_real *z, double radius_m) {
     const sphm_real radius_squared = (sphm_real)(radius_m * radius_m);

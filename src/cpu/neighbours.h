@@ -19,6 +19,9 @@ sphm_status sphm_neighbours_build(sphm_neighbours *rows, const sphm_grid *grid, 
 size_t sphm_neighbours_count_within(const sphm_neighbours *rows, const sphm_real *x, const sphm_real *y,
                                     const sphm_real *z, double radius_m);
 
+/* Renames the slots: the new slot s is the old slot order[s]. */
+sphm_status sphm_neighbours_reorder(sphm_neighbours *rows, const int32_t *order, sphm_context *context);
+
 #ifdef __cplusplus
 }
 #endif

@@ -17,6 +17,7 @@
 #include "cpu/membrane.h"
 #include "cpu/neighbours.h"
 #include "cpu/parallel.h"
+#include "cpu/solid_integrate.h"
 #include "cpu/solid_ends.h"
 #include "cpu/solid_sweeps.h"
 #include "kernels/vector.h"
@@ -34,10 +35,10 @@ typedef struct solid_backend {
     sphm_diffusion diffusion;
     sphm_solid_lines lines;
     sphm_solid_field field;
+    sphm_solid_attached attached;
     int32_t *block_nonfinite; /* [blocks]: first slot that is not finite, or -1 */
-    double *spare_modulus;    /* [blocks] and */
-    int32_t *spare_inverted;  /* [blocks]: for sweeps that are not part of a step */
-    double inertia_kg;        /* of a particle: its mass, scaled */
+    double *spare_modulus;    /* [lines.blocks] and */
+    int32_t *spare_inverted;  /* [lines.blocks]: for sweeps that are not part of a step */
     int threads;
     sphm_timing timing;
     char device[64];
@@ -63,6 +64,7 @@ static void destroy(sphm_backend *backend) {
     sphm_gradient_free(&b->gradient);
     sphm_diffusion_free(&b->diffusion);
     sphm_solid_lines_free(&b->lines);
+    sphm_solid_attached_free(&b->attached);
     free(b->block_nonfinite);
     free(b->spare_modulus);
     free(b->spare_inverted);
@@ -87,8 +89,32 @@ static sphm_status fill_rest(solid_backend *b, sphm_context *context) {
     return status;
 }
 
+/* On a lattice the slots follow its rows. */
+static sphm_status follow_lattice(solid_backend *b, sphm_lattice *lattice, sphm_context *context) {
+    sphm_state *s = &b->state;
+    const sphm_real *const position[3] = {s->x, s->y, s->z};
+    sphm_status status = sphm_lattice_find(lattice, &b->rows, position, context);
+    if (status != SPHM_OK || !lattice->site)
+        return status;
+    int32_t *order = b->grid.order; /* done with */
+    void *scratch = malloc(s->capacity * SPHM_STATE_ELEMENT_SIZE + 3 * s->count * sizeof(int32_t));
+    if (!scratch)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to sort %zu particles", s->count);
+    status = sphm_lattice_order(lattice, order, context);
+    if (status == SPHM_OK)
+        status = sphm_neighbours_reorder(&b->rows, order, context);
+    if (status == SPHM_OK) {
+        sphm_lattice_permute(lattice, order, (int32_t *)scratch);
+        sphm_state_permute(s, order, scratch);
+    }
+    free(scratch);
+    return status;
+}
+
 static sphm_status build_operators(solid_backend *b, sphm_context *context) {
     const sphm_state *s = &b->state;
+    sphm_lattice lattice;
+    memset(&lattice, 0, sizeof lattice);
     const double radius = b->model->body.support_radius_m;
     sphm_status status =
         sphm_neighbours_build(&b->rows, &b->grid, s->x, s->y, s->z, s->count, radius, b->threads, context);
@@ -96,9 +122,16 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
         status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
                                       b->model->particle_volume_m3, context);
     if (status == SPHM_OK)
+        status = follow_lattice(b, &lattice, context);
+    if (status == SPHM_OK && lattice.site)
+        status = sphm_gradient_rebuild(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
+                                       b->model->particle_volume_m3, context);
+    if (status == SPHM_OK)
         status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     if (status == SPHM_OK)
-        status = sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, context);
+        status =
+            sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, &lattice, context);
+    sphm_lattice_free(&lattice);
     if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
         sphm_log(context, SPHM_LOG_WARNING,
                  "%zu of %zu particles have neighbours in a plane only and %zu have none: a larger "
@@ -115,6 +148,9 @@ static void set_field(solid_backend *b) {
     f->fibre_y = s->fibre_y;
     f->fibre_z = s->fibre_z;
     f->activation = s->activation;
+    const sphm_real *motion[6] = {s->shift_x, s->shift_y, s->shift_z, s->vx, s->vy, s->vz};
+    memcpy(f->shift, motion, sizeof f->shift);
+    memcpy(f->velocity, motion + 3, sizeof f->velocity);
     f->density = s->density;
     f->pressure = s->pressure;
     f->fibre_rate = p->force_velocity == SPHM_FORCE_VELOCITY_HILL ? s->fibre_rate : NULL;
@@ -139,13 +175,15 @@ static sphm_status build(solid_backend *b, sphm_context *context) {
         return status;
     const size_t blocks = sphm_block_count(b->state.count);
     b->block_nonfinite = (int32_t *)malloc(blocks * sizeof *b->block_nonfinite);
-    b->spare_modulus = (double *)malloc(blocks * sizeof *b->spare_modulus);
-    b->spare_inverted = (int32_t *)malloc(blocks * sizeof *b->spare_inverted);
+    b->spare_modulus = (double *)malloc(b->lines.blocks * sizeof *b->spare_modulus);
+    b->spare_inverted = (int32_t *)malloc(b->lines.blocks * sizeof *b->spare_inverted);
     if (!b->block_nonfinite || !b->spare_modulus || !b->spare_inverted)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the solid tissue");
+    status = sphm_solid_attached_create(&b->attached, &b->state, context);
+    if (status != SPHM_OK)
+        return status;
     set_field(b);
     sphm_solid_stress_sweep(&b->field, &b->lines);
-    b->inertia_kg = b->model->particle_mass_kg * b->model->parameters.mass_scaling;
     b->timing.neighbours_per_particle = b->gradient.neighbours_per_particle;
     return SPHM_OK;
 }
@@ -204,69 +242,14 @@ static void add_point_forces(solid_backend *b, const sphm_drive *drive) {
         for (size_t i = 0; hit && i < s->count; ++i)
             if (within(s, i, centre, pull->radius_m))
                 for (int d = 0; d < 3; ++d)
-                    b->lines.force[4 * i + (size_t)d] += (sphm_real)(pull->force_N[d] / (double)hit);
+                    b->lines.force[d][i] += (sphm_real)(pull->force_N[d] / (double)hit);
     }
-}
-
-static sphm_solid_mover mover_of(const solid_backend *b, double step_s) {
-    const sphm_parameters *p = &b->model->parameters;
-    sphm_solid_mover m;
-    m.kick = (sphm_real)(step_s / b->inertia_kg);
-    m.keep = (sphm_real)exp(-p->velocity_damping * step_s);
-    m.step = (sphm_real)step_s;
-    for (int d = 0; d < 3; ++d)
-        m.gravity[d] = (sphm_real)(step_s * p->gravity[d] / p->mass_scaling);
-    return m;
-}
-
-static void store(sphm_state *s, size_t i, const sphm_real *motion) {
-    s->shift_x[i] = motion[0];
-    s->shift_y[i] = motion[1];
-    s->shift_z[i] = motion[2];
-    s->x[i] = s->rest_x[i] + motion[0];
-    s->y[i] = s->rest_y[i] + motion[1];
-    s->z[i] = s->rest_z[i] + motion[2];
-    s->vx[i] = motion[4];
-    s->vy[i] = motion[5];
-    s->vz[i] = motion[6];
-}
-
-static void integrate_block(solid_backend *b, const sphm_solid_mover *m,
-                            const sphm_end_frame ends[SPHM_END_COUNT], size_t block) {
-    sphm_state *s = &b->state;
-    int32_t bad = -1;
-    for (size_t i = sphm_block_begin(block); i < sphm_block_end(block, s->count); ++i) {
-        sphm_real *motion = b->lines.motion + SPHM_MOTION_LINE * i;
-        if (s->attachment[i] == SPHM_FREE) {
-            sphm_solid_move(m, b->lines.force + 4 * i, motion);
-        } else {
-            const double rest[3] = {(double)s->rest_x[i], (double)s->rest_y[i], (double)s->rest_z[i]};
-            sphm_end_carry(
-                &ends[s->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION], rest,
-                motion);
-        }
-        store(s, i, motion);
-        if (bad < 0 && !sphm_motion_is_finite(motion))
-            bad = (int32_t)i;
-    }
-    b->block_nonfinite[block] = bad;
-}
-
-static void integrate(solid_backend *b, const sphm_drive *drive, double step_s) {
-    const sphm_solid_mover m = mover_of(b, step_s);
-    sphm_end_frame ends[SPHM_END_COUNT];
-    for (int end = 0; end < SPHM_END_COUNT; ++end)
-        ends[end] = sphm_solid_move_end(b->model, &b->state, b->lines.force, &drive->ends[end], end, step_s);
-    const size_t blocks = sphm_block_count(b->state.count);
-#pragma omp parallel for num_threads(b->threads) schedule(static)
-    for (size_t block = 0; block < blocks; ++block)
-        integrate_block(b, &m, ends, block);
 }
 
 /* Inverted particles come first: they are why the others are not finite. */
 static sphm_status check(const solid_backend *b, sphm_context *context) {
     const size_t blocks = sphm_block_count(b->state.count);
-    for (size_t block = 0; block < blocks; ++block)
+    for (size_t block = 0; block < b->lines.blocks; ++block)
         if (b->lines.block_inverted[block] >= 0)
             return sphm_fail(context, SPHM_FAILED_NONFINITE,
                              "particle %d is turned inside out at %g s (stress sweep, step %llu)",
@@ -298,7 +281,8 @@ static sphm_status step_once(solid_backend *b, double step_s, const sphm_drive *
     sphm_solid_force_sweep(&b->field, &b->lines);
     add_point_forces(b, drive);
     clock_lap(&lap, &t->forces_s);
-    integrate(b, drive, step_s);
+    sphm_solid_integrate(b->model, &b->state, b->lines.force, &b->attached, drive, step_s, b->threads,
+                         b->block_nonfinite);
     clock_lap(&lap, &t->integration_s);
     activate(b, drive, step_s);
     lap = sphm_wall_clock_s();
@@ -359,15 +343,6 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
 #undef STATE
 #undef REST
 #undef SCRATCH
-        for (size_t i = 0; i < s->count; ++i) {
-            sphm_real *motion = b->lines.motion + SPHM_MOTION_LINE * i;
-            motion[0] = s->shift_x[i];
-            motion[1] = s->shift_y[i];
-            motion[2] = s->shift_z[i];
-            motion[4] = s->vx[i];
-            motion[5] = s->vy[i];
-            motion[6] = s->vz[i];
-        }
     }
     if (status == SPHM_OK)
         sphm_solid_stress_sweep(&b->field, &b->lines);
@@ -385,7 +360,7 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
     const sphm_parameters *p = &b->model->parameters;
     const double density = p->density * p->mass_scaling;
     double modulus = 0;
-    for (size_t block = 0; block < sphm_block_count(b->state.count); ++block)
+    for (size_t block = 0; block < b->lines.blocks; ++block)
         modulus = fmax(modulus, b->lines.block_modulus_Pa[block]);
     const double eigenvalue = b->gradient.gradient_eigenvalue, hourglass = b->gradient.hourglass_eigenvalue;
     double w2 = (modulus * eigenvalue + p->hourglass_stiffness * hourglass) / density;
@@ -450,7 +425,7 @@ static void sweep_part(solid_backend *b, int with_activation, int with_damping) 
 static void wrench(sphm_backend *backend, const sphm_end_drive *drive, int end, sphm_wrench *w) {
     solid_backend *b = inside(backend);
     const sphm_state *s = &b->state;
-    const sphm_real *force = b->lines.force;
+    sphm_real *const *force = b->lines.force;
     sphm_end_state frame;
     double pivot[3], elastic_N[3], elastic_Nm[3];
     sphm_end_frame_state(&b->model->ends[end], drive, s->time_s, &s->ends[end], &frame);

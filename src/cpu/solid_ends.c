@@ -7,7 +7,7 @@
 
 #include "core/end_blocks.h"
 
-void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end, const double pivot[3],
+void sphm_solid_sum_end(const sphm_state *state, sphm_real *const force[3], int end, const double pivot[3],
                         double force_N[3], double moment_Nm[3]) {
     const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
     memset(force_N, 0, 3 * sizeof *force_N);
@@ -17,7 +17,7 @@ void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end
             continue;
         const double arm[3] = {(double)state->x[i] - pivot[0], (double)state->y[i] - pivot[1],
                                (double)state->z[i] - pivot[2]};
-        const double f[3] = {(double)force[4 * i], (double)force[4 * i + 1], (double)force[4 * i + 2]};
+        const double f[3] = {(double)force[0][i], (double)force[1][i], (double)force[2][i]};
         double moment[3];
         sphm_cross3(arm, f, moment);
         for (int d = 0; d < 3; ++d) {
@@ -29,7 +29,7 @@ void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end
 
 /* The tissue moves the block, and what pulls at the end of the line of action: a load, or a bone through a
  * tendon. */
-static void move_block(const sphm_model *model, sphm_state *state, const sphm_real *force,
+static void move_block(const sphm_model *model, sphm_state *state, sphm_real *const force[3],
                        const sphm_end_drive *drive, int end, double step_s) {
     const sphm_end_block *block = &model->ends[end];
     const sphm_parameters *p = &model->parameters;
@@ -49,7 +49,7 @@ static void move_block(const sphm_model *model, sphm_state *state, const sphm_re
         sphm_end_body_step(block, force_N, moment_Nm, pull_N, p->gravity, step_s, keep, body);
 }
 
-sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, const sphm_real *force,
+sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, sphm_real *const force[3],
                                    const sphm_end_drive *drive, int end, double step_s) {
     const sphm_end_block *block = &model->ends[end];
     if (block->particles > 0) {

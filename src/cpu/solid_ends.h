@@ -11,12 +11,12 @@
 extern "C" {
 #endif
 
-/* Moves state->ends[end] by step_s from state->time_s; `force` ([4 * count], slot order) are the internal
- * and external forces on the particles now. */
-sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, const sphm_real *force,
+/* Moves state->ends[end] by step_s from state->time_s; `force` (x, y, z, [count] each, slot order) are the
+ * internal and external forces on the particles now. */
+sphm_end_frame sphm_solid_move_end(const sphm_model *model, sphm_state *state, sphm_real *const force[3],
                                    const sphm_end_drive *drive, int end, double step_s);
 /* Force on the particles attached at an end, and its moment about `pivot` (state positions). */
-void sphm_solid_sum_end(const sphm_state *state, const sphm_real *force, int end, const double pivot[3],
+void sphm_solid_sum_end(const sphm_state *state, sphm_real *const force[3], int end, const double pivot[3],
                         double force_N[3], double moment_Nm[3]);
 
 #ifdef __cplusplus

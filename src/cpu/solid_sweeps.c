@@ -266,14 +266,13 @@ static void store_batch(const sphm_solid_field *field, sphm_solid_lines *lines, 
             *first = (int32_t)(begin + i);
 }
 
-static void widen_block(sphm_solid_lines *lines, size_t block) {
+static void widen_block(const sphm_solid_field *field, sphm_solid_lines *lines, size_t block) {
     for (size_t slot = sphm_block_begin(block); slot < sphm_block_end(block, lines->count); ++slot) {
-        const sphm_real *motion = lines->motion + SPHM_MOTION_LINE * slot;
         sphm_real *wide = lines->wide + SPHM_STRESS_LINE * slot;
 #pragma GCC unroll 3
         for (int d = 0; d < 3; ++d) {
-            wide[d] = wide[4 + d] = wide[8 + d] = motion[d];
-            wide[12 + d] = motion[4 + d];
+            wide[d] = wide[4 + d] = wide[8 + d] = field->shift[d][slot];
+            wide[12 + d] = field->velocity[d][slot];
         }
     }
 }
@@ -293,12 +292,16 @@ static void stress_block(const sphm_solid_field *field, sphm_solid_lines *lines,
 }
 
 void sphm_solid_stress_sweep(const sphm_solid_field *field, sphm_solid_lines *lines) {
+    if (lines->columns.slice) {
+        sphm_solid_columns_stress(field, lines);
+        return;
+    }
     const size_t blocks = sphm_block_count(lines->count);
 #pragma omp parallel num_threads(field->threads)
     {
 #pragma omp for schedule(static)
         for (size_t block = 0; block < blocks; ++block)
-            widen_block(lines, block);
+            widen_block(field, lines, block);
 #pragma omp for schedule(static)
         for (size_t block = 0; block < blocks; ++block)
             stress_block(field, lines, block);
@@ -306,6 +309,10 @@ void sphm_solid_stress_sweep(const sphm_solid_field *field, sphm_solid_lines *li
 }
 
 void sphm_solid_deformation(const sphm_solid_lines *lines, size_t slot, sphm_real H[9], sphm_real rate[9]) {
+    if (lines->columns.slice) {
+        sphm_solid_columns_deformation(&lines->columns, slot, H, rate);
+        return;
+    }
     vector16 displacement, velocity;
     sphm_real sum[9], rate_sum[9], B[6];
     sum_deformation(lines, slot, &displacement, &velocity);
@@ -324,8 +331,7 @@ void sphm_solid_deformation(const sphm_solid_lines *lines, size_t slot, sphm_rea
 /* f_i/V = sum_j [(A_i + A_j) w X_ij + w k (u_j - u_i + tau (v_j - v_i))]: the line of j minus the line of i
  * with its matrix negated has X_ij in its last lanes, and 1 in the very last; w times those, each four times,
  * times the difference, then the sum of the four quarters. */
-static inline void sum_force(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t slot,
-                             sphm_real force[4]) {
+static inline vector4 sum_force(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t slot) {
     const vector16 sign = {-1, -1, -1, 1, -1, -1, -1, 1, -1, -1, -1, 1, 1, 1, 1, 1};
     const vector16 one = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
     const sphm_solid_pair *pair = lines->pair + lines->row_start[slot],
@@ -342,14 +348,20 @@ static inline void sum_force(const sphm_solid_field *field, const sphm_solid_lin
     const vector16 sum = even + odd;
     vector4 quarter[4];
     memcpy(quarter, &sum, sizeof sum);
-    *(vector4 *)__builtin_assume_aligned(force, sizeof(vector4)) =
-        field->particle_volume_m3 * ((quarter[0] + quarter[1]) + (quarter[2] + quarter[3]));
+    return field->particle_volume_m3 * ((quarter[0] + quarter[1]) + (quarter[2] + quarter[3]));
 }
 
 void sphm_solid_force_sweep(const sphm_solid_field *field, sphm_solid_lines *lines) {
+    if (lines->columns.slice) {
+        sphm_solid_columns_force(field, lines);
+        return;
+    }
     const size_t blocks = sphm_block_count(lines->count);
 #pragma omp parallel for num_threads(field->threads) schedule(static)
     for (size_t block = 0; block < blocks; ++block)
-        for (size_t slot = sphm_block_begin(block); slot < sphm_block_end(block, lines->count); ++slot)
-            sum_force(field, lines, slot, lines->force + 4 * slot);
+        for (size_t slot = sphm_block_begin(block); slot < sphm_block_end(block, lines->count); ++slot) {
+            const vector4 force = sum_force(field, lines, slot);
+            for (int d = 0; d < 3; ++d)
+                lines->force[d][slot] = force[d];
+        }
 }

@@ -13,11 +13,16 @@ typedef struct sphm_solid_mover {
     sphm_real gravity[3]; /* step times gravity over mass scaling, m/s */
 } sphm_solid_mover;
 
+/* Along one axis. */
+SPHM_FN void sphm_solid_move_along(const sphm_solid_mover *m, sphm_real gravity, sphm_real force,
+                                   sphm_real *shift, sphm_real *velocity) {
+    *velocity = m->keep * *velocity + (m->kick * force + gravity);
+    *shift += m->step * *velocity;
+}
+
 SPHM_FN void sphm_solid_move(const sphm_solid_mover *m, const sphm_real force[3], sphm_real motion[8]) {
-    for (int d = 0; d < 3; ++d) {
-        motion[4 + d] = m->keep * motion[4 + d] + (m->kick * force[d] + m->gravity[d]);
-        motion[d] += m->step * motion[4 + d];
-    }
+    for (int d = 0; d < 3; ++d)
+        sphm_solid_move_along(m, m->gravity[d], force[d], &motion[d], &motion[4 + d]);
 }
 
 /* What moves an attached particle that is at X at rest (state positions, as the centre c):
