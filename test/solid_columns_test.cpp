@@ -1,5 +1,8 @@
 // Columns of the solid sweeps: they hold the pairs of the rows, and the sweeps over them give what the sweeps
 // over rows give.
+#include "core/state.h"
+#include "cpu/column_diffusion.h"
+#include "sph_muscle/parameters.h"
 #include "solid_scene.h"
 
 #include <algorithm>
@@ -168,6 +171,77 @@ TEST(SolidColumns, AreNotMadeOfWhatIsNoLattice) {
               nullptr);
     // Two particles side by side: columns of single pairs.
     EXPECT_EQ(scene_of({{0, 0, 0}, {kSpacing, 0, 0}}, true)->lines.columns.slice, nullptr);
+}
+
+// Diffusion weights of a scene, by rows and by columns, and a potential.
+struct Diffusing {
+    std::unique_ptr<Scene> scene = scene_of(piece(), true);
+    sphm_diffusion weights{};
+    sphm_column_diffusion columns{};
+    sphm_state state{};
+
+    explicit Diffusing(double anisotropy) {
+        sphm_context context{};
+        sphm_diffusion_input input{};
+        input.laplacian = SPHM_LAPLACIAN_CORRECTED;
+        input.support_radius_m = 2.6 * kSpacing;
+        input.particle_volume_m3 = std::pow(kSpacing, 3);
+        input.diffusion_mm2_per_ms = 0.766;
+        input.anisotropy_ratio = anisotropy;
+        input.x = scene->rest[0].data();
+        input.y = scene->rest[1].data();
+        input.z = scene->rest[2].data();
+        input.fibre_x = scene->fibre[0].data();
+        input.fibre_y = scene->fibre[1].data();
+        input.fibre_z = scene->fibre[2].data();
+        Scene::require(sphm_diffusion_build(&weights, &scene->rows, &input, 1, &context), context);
+        Scene::require(
+            sphm_column_diffusion_create(&columns, &scene->lines.columns, &scene->rows, &weights, &context),
+            context);
+        Scene::require(sphm_state_create(&state, scene->count, &context), context);
+    }
+    Diffusing(const Diffusing &) = delete;
+    ~Diffusing() {
+        sphm_column_diffusion_free(&columns);
+        sphm_diffusion_free(&weights);
+        sphm_state_free(&state);
+    }
+};
+
+TEST(ColumnDiffusion, IsThatOverRows) {
+    for (const double anisotropy : {1.0, 4.0}) {
+        Diffusing d(anisotropy);
+        std::mt19937 random(5);
+        std::uniform_real_distribution<double> uniform(-85, 15);
+        for (size_t i = 0; i < d.state.count; ++i)
+            d.state.membrane_potential[i] = sphm_real(uniform(random));
+        const double step_ms = 0.2;
+        sphm_column_diffusion_sweep(&d.columns, &d.state, step_ms, 2);
+        double worst = 0, largest = 0;
+        for (size_t i = 0; i < d.state.count; ++i) {
+            double flow = 0;
+            for (int32_t k = 0; k < d.scene->rows.row_count[i]; ++k) {
+                const size_t at = d.scene->rows.row_start[i] + size_t(k);
+                flow += double(d.weights.weight[at]) *
+                        (double(d.state.membrane_potential[d.scene->rows.slot[at]]) -
+                         double(d.state.membrane_potential[i]));
+            }
+            const double expected = double(d.state.membrane_potential[i]) + step_ms * flow;
+            worst = std::fmax(worst, std::fabs(double(d.state.membrane_next[i]) - expected));
+            largest = std::fmax(largest, std::fabs(step_ms * flow));
+        }
+        EXPECT_GT(largest, 1);
+        EXPECT_LT(worst, 0.1 * kRounding * 100);
+    }
+}
+
+TEST(ColumnDiffusion, KeepsAUniformPotentialToTheBit) {
+    Diffusing d(1);
+    for (size_t i = 0; i < d.state.count; ++i)
+        d.state.membrane_potential[i] = sphm_real(-61.7);
+    sphm_column_diffusion_sweep(&d.columns, &d.state, 0.2, 1);
+    for (size_t i = 0; i < d.state.count; ++i)
+        ASSERT_EQ(d.state.membrane_next[i], sphm_real(-61.7));
 }
 
 } // namespace

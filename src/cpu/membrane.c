@@ -116,22 +116,32 @@ static void react_all(sphm_state *s, const sphm_membrane_constants *c, const sph
     }
 }
 
-static void diffuse_all(sphm_state *s, const sphm_neighbours *n, const sphm_diffusion *d, double step_ms,
-                        int threads) {
+/* What diffuses: rows with their weights, or columns. */
+typedef struct diffuser {
+    const sphm_neighbours *rows;
+    const sphm_real *weight;
+    const sphm_column_diffusion *columns;
+} diffuser;
+
+static void diffuse_all(sphm_state *s, const diffuser *d, double step_ms, int threads) {
+    if (d->columns) {
+        sphm_column_diffusion_sweep(d->columns, s, step_ms, threads);
+        return;
+    }
 #ifndef _OPENMP
     (void)threads;
 #endif
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (size_t b = 0; b < sphm_block_count(s->count); b++)
-        diffuse(s, n, d->weight, (sphm_real)step_ms, sphm_block_begin(b), sphm_block_end(b, s->count));
+        diffuse(s, d->rows, d->weight, (sphm_real)step_ms, sphm_block_begin(b), sphm_block_end(b, s->count));
 }
 
-void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
-                            const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
-                            const sphm_drive *drive, double step_s, int threads, sphm_timing *timing) {
+static void advance(sphm_state *state, const diffuser *diffusion, double stable_step_ms,
+                    const sphm_membrane_constants *constants, const sphm_drive *drive, double step_s,
+                    int threads, sphm_timing *timing) {
     const double step_ms = step_s * 1e3;
     const sphm_membrane_schedule schedule =
-        sphm_membrane_schedule_step(constants, diffusion->stable_step_ms, state->diffusion_due_s, step_s);
+        sphm_membrane_schedule_step(constants, stable_step_ms, state->diffusion_due_s, step_s);
     const size_t substeps = schedule.substeps;
     const double dt = schedule.reaction_ms;
     const sphm_membrane_table table = sphm_membrane_tabulate(constants, drive);
@@ -146,7 +156,7 @@ void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours
         cell_s += between - before;
         if (last)
             break;
-        diffuse_all(state, neighbours, diffusion, schedule.diffusion_ms, threads);
+        diffuse_all(state, diffusion, schedule.diffusion_ms, threads);
         from = state->membrane_next;
         before = sphm_wall_clock_s();
         diffusion_s += before - between;
@@ -156,6 +166,21 @@ void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours
         timing->cell_model_s += cell_s;
         timing->diffusion_s += diffusion_s;
     }
+}
+
+void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
+                            const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
+                            const sphm_drive *drive, double step_s, int threads, sphm_timing *timing) {
+    const diffuser d = {neighbours, diffusion->weight, NULL};
+    advance(state, &d, diffusion->stable_step_ms, constants, drive, step_s, threads, timing);
+}
+
+void sphm_cpu_membrane_step_columns(sphm_state *state, const sphm_column_diffusion *columns,
+                                    double stable_step_ms, const sphm_membrane_constants *constants,
+                                    const sphm_drive *drive, double step_s, int threads,
+                                    sphm_timing *timing) {
+    const diffuser d = {NULL, NULL, columns};
+    advance(state, &d, stable_step_ms, constants, drive, step_s, threads, timing);
 }
 
 sphm_status sphm_cpu_build_diffusion(sphm_diffusion *diffusion, const sphm_neighbours *rows,

@@ -7,6 +7,7 @@
 #include "core/drive.h"
 #include "core/model.h"
 #include "core/state.h"
+#include "cpu/column_diffusion.h"
 #include "kernels/membrane.h"
 #include "sph_muscle/muscle.h"
 
@@ -24,6 +25,10 @@ size_t sphm_membrane_substeps(const sphm_membrane_constants *constants, const sp
 void sphm_cpu_membrane_step(sphm_state *state, const sphm_neighbours *neighbours,
                             const sphm_diffusion *diffusion, const sphm_membrane_constants *constants,
                             const sphm_drive *drive, double step_s, int threads, sphm_timing *timing);
+/* The same with the diffusion over columns. */
+void sphm_cpu_membrane_step_columns(sphm_state *state, const sphm_column_diffusion *columns,
+                                    double stable_step_ms, const sphm_membrane_constants *constants,
+                                    const sphm_drive *drive, double step_s, int threads, sphm_timing *timing);
 
 /* Diffusion weights of the neighbour rows, on the positions the rows were built from (listed_x, y, z). */
 sphm_status sphm_cpu_build_diffusion(sphm_diffusion *diffusion, const sphm_neighbours *rows,

@@ -33,6 +33,7 @@ typedef struct solid_backend {
     sphm_neighbours rows;
     sphm_gradient gradient;
     sphm_diffusion diffusion;
+    sphm_column_diffusion column_diffusion; /* in use where lines.columns is */
     sphm_solid_lines lines;
     sphm_solid_field field;
     sphm_solid_attached attached;
@@ -63,6 +64,7 @@ static void destroy(sphm_backend *backend) {
     sphm_neighbours_free(&b->rows);
     sphm_gradient_free(&b->gradient);
     sphm_diffusion_free(&b->diffusion);
+    sphm_column_diffusion_free(&b->column_diffusion);
     sphm_solid_lines_free(&b->lines);
     sphm_solid_attached_free(&b->attached);
     free(b->block_nonfinite);
@@ -132,6 +134,9 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
         status =
             sphm_solid_lines_create(&b->lines, &b->rows, &b->gradient, s->x, s->y, s->z, &lattice, context);
     sphm_lattice_free(&lattice);
+    if (status == SPHM_OK && b->lines.columns.slice)
+        status = sphm_column_diffusion_create(&b->column_diffusion, &b->lines.columns, &b->rows,
+                                              &b->diffusion, context);
     if (status == SPHM_OK && b->gradient.regularised + b->gradient.isolated)
         sphm_log(context, SPHM_LOG_WARNING,
                  "%zu of %zu particles have neighbours in a plane only and %zu have none: a larger "
@@ -209,6 +214,11 @@ static sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_
  */
 
 static void activate(solid_backend *b, const sphm_drive *drive, double step_s) {
+    if (!drive->activation_commanded && b->column_diffusion.columns) {
+        sphm_cpu_membrane_step_columns(&b->state, &b->column_diffusion, b->diffusion.stable_step_ms,
+                                       &b->model->membrane, drive, step_s, b->threads, &b->timing);
+        return;
+    }
     if (!drive->activation_commanded) {
         sphm_cpu_membrane_step(&b->state, &b->rows, &b->diffusion, &b->model->membrane, drive, step_s,
                                b->threads, &b->timing);
@@ -378,7 +388,8 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
 
 static size_t memory_bytes(const solid_backend *b) {
     const size_t n = b->state.count, pairs = b->rows.row_start[n];
-    return sizeof *b + sphm_state_bytes(n) + sphm_solid_lines_bytes(&b->lines) + 6 * n * sizeof(sphm_real) +
+    return sizeof *b + sphm_state_bytes(n) + sphm_solid_lines_bytes(&b->lines) +
+           sphm_column_diffusion_bytes(&b->column_diffusion) + 6 * n * sizeof(sphm_real) +
            4 * pairs * sizeof(sphm_real) + (b->rows.capacity + n) * sizeof(int32_t) +
            (n + 1) * sizeof(size_t) + b->diffusion.capacity * sizeof(sphm_real) +
            SPHM_DIFFUSION_SCRATCH * b->diffusion.particles * sizeof *b->diffusion.scratch +

@@ -2,93 +2,14 @@
 #include <string.h>
 
 #include "cpu/parallel.h"
-#include "cpu/row.h"
+#include "cpu/slice_lanes.h"
 #include "cpu/solid_columns.h"
 #include "cpu/solid_sweeps.h"
 #include "kernels/solid_line.h"
 
 enum { LANES = SPHM_LANES };
 
-/* Vectors at any address, and parts of them
- * ------------------------------------------------------------------
- */
-
-/* gcc takes a memcpy() of one over the stack now and then. */
-typedef sphm_real loose_lanes __attribute__((vector_size(LANES * sizeof(sphm_real)), aligned(4), may_alias));
-
-SPHM_INLINE sphm_lanes load(const sphm_real *from) {
-    return *(const loose_lanes *)from;
-}
-
-SPHM_INLINE sphm_lanes load_aligned(const sphm_real *from) {
-    return *(const sphm_lanes *)__builtin_assume_aligned(from, sizeof(sphm_lanes));
-}
-
-SPHM_INLINE sphm_lanes repeat(sphm_real value) {
-    return value - (sphm_lanes){0};
-}
-
-#if defined(__AVX512F__) && !defined(SPH_MUSCLE_DOUBLE)
-
-typedef __mmask16 some;
-
-SPHM_INLINE some some_of(uint16_t lanes) {
-    return lanes;
-}
-SPHM_INLINE sphm_lanes load_some(const sphm_real *from, some lanes) {
-    return (sphm_lanes)_mm512_maskz_loadu_ps(lanes, from);
-}
-SPHM_INLINE void store_some(sphm_real *to, sphm_lanes value, some lanes) {
-    _mm512_mask_storeu_ps(to, lanes, (__m512)value);
-}
-/* a - b, or 0 */
-SPHM_INLINE sphm_lanes subtract_some(sphm_lanes a, sphm_lanes b, some lanes) {
-    return (sphm_lanes)_mm512_maskz_sub_ps(lanes, (__m512)a, (__m512)b);
-}
-/* sum + a b, or sum */
-SPHM_INLINE sphm_lanes add_some(sphm_lanes sum, sphm_lanes a, sphm_lanes b, some lanes) {
-    return (sphm_lanes)_mm512_mask3_fmadd_ps((__m512)a, (__m512)b, (__m512)sum, lanes);
-}
-
-#else
-
-typedef sphm_lane_mask some;
-
-SPHM_INLINE some some_of(uint16_t lanes) {
-    const sphm_lane_mask bit = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
-    return (bit & lanes) != 0;
-}
-SPHM_INLINE sphm_lanes choose(sphm_lanes a, some lanes) {
-    return (sphm_lanes)((sphm_lane_mask)a & lanes);
-}
-SPHM_INLINE sphm_lanes load_some(const sphm_real *from, some lanes) {
-    sphm_lanes v = {0};
-    for (int k = 0; k < LANES; ++k)
-        if (lanes[k])
-            v[k] = from[k];
-    return v;
-}
-SPHM_INLINE void store_some(sphm_real *to, sphm_lanes value, some lanes) {
-    for (int k = 0; k < LANES; ++k)
-        if (lanes[k])
-            to[k] = value[k];
-}
-SPHM_INLINE sphm_lanes subtract_some(sphm_lanes a, sphm_lanes b, some lanes) {
-    return choose(a - b, lanes);
-}
-SPHM_INLINE sphm_lanes add_some(sphm_lanes sum, sphm_lanes a, sphm_lanes b, some lanes) {
-    return sum + choose(a, lanes) * b;
-}
-
-#endif
-
-SPHM_INLINE uint16_t first_lanes(int32_t count) {
-    return (uint16_t)((1u << count) - 1);
-}
-
-/* Stress sweep
- * -----------------------------------------------------------------------------------------------
- */
+/* Stress sweep ------------------------------------------------------------------------------------------ */
 
 /* sum[3 * c + d]: of (u_j - u_i)_d w X_c over the neighbours; then the same of v. */
 typedef struct deformation_sums {
@@ -98,16 +19,17 @@ typedef struct deformation_sums {
 SPHM_INLINE void sum_deformation(const sphm_solid_columns *columns, const sphm_solid_slice *slice,
                                  deformation_sums *out) {
     sphm_lanes sum[18];
-    _Pragma("GCC unroll 18") for (int k = 0; k < 18; ++k) sum[k] = repeat(0);
+    _Pragma("GCC unroll 18") for (int k = 0; k < 18; ++k) sum[k] = sphm_lanes_repeat(0);
     const sphm_solid_twin *twin = columns->twin + slice[0].twin, *last = columns->twin + slice[1].twin;
     const sphm_solid_single *single = columns->single + slice[0].single,
                             *end = columns->single + slice[1].single;
     for (; twin < last; ++twin) {
         const sphm_real *weight = columns->weight + twin->weight;
-        const sphm_lanes x = repeat(weight[0]), y = repeat(weight[1]), z = repeat(weight[2]);
+        const sphm_lanes x = sphm_lanes_repeat(weight[0]), y = sphm_lanes_repeat(weight[1]),
+                         z = sphm_lanes_repeat(weight[2]);
         _Pragma("GCC unroll 6") for (int d = 0; d < 6; ++d) {
-            const sphm_lanes jump =
-                load(columns->motion[d] + twin->ahead) - load(columns->motion[d] + twin->behind);
+            const sphm_lanes jump = sphm_lanes_load(columns->motion[d] + twin->ahead) -
+                                    sphm_lanes_load(columns->motion[d] + twin->behind);
             const int at = d < 3 ? d : d + 6;
             sum[at] += jump * x;
             sum[at + 3] += jump * y;
@@ -116,11 +38,13 @@ SPHM_INLINE void sum_deformation(const sphm_solid_columns *columns, const sphm_s
     }
     for (; single < end; ++single) {
         const sphm_real *weight = columns->weight + 4 * single->weight;
-        const sphm_lanes x = repeat(weight[0]), y = repeat(weight[1]), z = repeat(weight[2]);
-        const some lanes = some_of(single->lanes);
+        const sphm_lanes x = sphm_lanes_repeat(weight[0]), y = sphm_lanes_repeat(weight[1]),
+                         z = sphm_lanes_repeat(weight[2]);
+        const sphm_some lanes = sphm_some_of(single->lanes);
         _Pragma("GCC unroll 6") for (int d = 0; d < 6; ++d) {
-            const sphm_lanes jump = subtract_some(load(columns->motion[d] + single->from),
-                                                  load(columns->motion[d] + slice->slot), lanes);
+            const sphm_lanes jump =
+                sphm_lanes_subtract_some(sphm_lanes_load(columns->motion[d] + single->from),
+                                         sphm_lanes_load(columns->motion[d] + slice->slot), lanes);
             const int at = d < 3 ? d : d + 6;
             sum[at] += jump * x;
             sum[at + 3] += jump * y;
@@ -183,35 +107,36 @@ static void evaluate(const sphm_solid_tissue *tissue, sphm_real rate_share, slic
 
 static void gather(const sphm_solid_field *field, const sphm_solid_columns *columns,
                    const sphm_solid_slice *slice, slice_material *m) {
-    const some lanes = some_of(first_lanes(slice->count));
+    const sphm_some lanes = sphm_some_of(sphm_first_lanes(slice->count));
     const size_t slot = (size_t)slice->slot;
     sum_deformation(columns, slice, (deformation_sums *)m->sum);
     const sphm_real *fibre[3] = {field->fibre_x, field->fibre_y, field->fibre_z};
     for (int k = 0; k < 6; ++k)
-        *(sphm_lanes *)m->constant[k] = load(columns->constant[k] + slot);
+        *(sphm_lanes *)m->constant[k] = sphm_lanes_load(columns->constant[k] + slot);
     for (int d = 0; d < 3; ++d)
-        *(sphm_lanes *)m->fibre[d] = load_some(fibre[d] + slot, lanes);
-    *(sphm_lanes *)m->activation = load_some(field->activation + slot, lanes);
+        *(sphm_lanes *)m->fibre[d] = sphm_lanes_load_some(fibre[d] + slot, lanes);
+    *(sphm_lanes *)m->activation = sphm_lanes_load_some(field->activation + slot, lanes);
     if (field->fibre_rate)
-        *(sphm_lanes *)m->fibre_rate = load_some(field->fibre_rate + slot, lanes);
+        *(sphm_lanes *)m->fibre_rate = sphm_lanes_load_some(field->fibre_rate + slot, lanes);
 }
 
 static void scatter(const sphm_solid_field *field, const sphm_solid_columns *columns,
                     const sphm_solid_slice *slice, const slice_material *m) {
-    const some lanes = some_of(first_lanes(slice->count));
+    const sphm_some lanes = sphm_some_of(sphm_first_lanes(slice->count));
     const size_t slot = (size_t)slice->slot;
-    const sphm_lanes J = load_aligned(m->J);
+    const sphm_lanes J = sphm_lanes_load_aligned(m->J);
     for (int k = 0; k < 9; ++k)
-        store_some(columns->stress[k] + slot, load_aligned(m->A[k]), lanes);
+        sphm_lanes_store_some(columns->stress[k] + slot, sphm_lanes_load_aligned(m->A[k]), lanes);
     for (int d = 0; d < 3; ++d)
-        store_some(columns->stress[9 + d] + slot,
-                   field->hourglass_Pa * (load(columns->motion[d] + slot) +
-                                          field->hourglass_time_s * load(columns->motion[3 + d] + slot)),
-                   lanes);
-    store_some(field->density + slot, field->density_kg_per_m3 / J, lanes);
-    store_some(field->pressure + slot, load_aligned(m->pressure), lanes);
+        sphm_lanes_store_some(columns->stress[9 + d] + slot,
+                              field->hourglass_Pa *
+                                  (sphm_lanes_load(columns->motion[d] + slot) +
+                                   field->hourglass_time_s * sphm_lanes_load(columns->motion[3 + d] + slot)),
+                              lanes);
+    sphm_lanes_store_some(field->density + slot, field->density_kg_per_m3 / J, lanes);
+    sphm_lanes_store_some(field->pressure + slot, sphm_lanes_load_aligned(m->pressure), lanes);
     if (field->fibre_rate)
-        store_some(field->fibre_rate + slot, load_aligned(m->fibre_rate), lanes);
+        sphm_lanes_store_some(field->fibre_rate + slot, sphm_lanes_load_aligned(m->fibre_rate), lanes);
 }
 
 static void note_extremes(const sphm_solid_slice *slice, const slice_material *m, double *stiffest,
@@ -285,63 +210,56 @@ void sphm_solid_columns_deformation(const sphm_solid_columns *columns, size_t sl
     correct(sum + 9, B, rate);
 }
 
-/* Force sweep
- * ------------------------------------------------------------------------------------------------
- */
+/* Force sweep ------------------------------------------------------------------------------------------- */
 
-/* f_i/V = sum_j [(A_i + A_j) w X_ij + w (q_j - q_i)], q = k (u + tau v). Of twins A_i cancels; over the
- * singles its factor is known beforehand. force[3 * c + d] has the part of w X_c, force[9 + d] that of q. */
-SPHM_INLINE void sum_force(const sphm_solid_columns *columns, const sphm_solid_slice *slice,
-                           sphm_lanes force[3]) {
-    sphm_lanes sum[12], twice[3];
-    _Pragma("GCC unroll 12") for (int k = 0; k < 12; ++k) sum[k] = repeat(0);
-    _Pragma("GCC unroll 3") for (int d = 0; d < 3; ++d) twice[d] =
-        2 * load(columns->stress[9 + d] + slice->slot);
+/* Component d of f_i/V = sum_j [(A_i + A_j) w X_ij + w (q_j - q_i)], q = k (u + tau v). Of twins A_i cancels;
+ * over the singles its factor is known beforehand. The sums of w X, w Y, w Z, w are kept apart: more
+ * additions in flight. */
+SPHM_INLINE sphm_lanes sum_force(const sphm_solid_columns *columns, const sphm_solid_slice *slice, int d) {
+    const sphm_real *x = columns->stress[3 * d], *y = columns->stress[3 * d + 1],
+                    *z = columns->stress[3 * d + 2], *q = columns->stress[9 + d];
+    const sphm_lanes own = sphm_lanes_load(q + slice->slot), twice = 2 * own;
+    sphm_lanes sum_x = {0}, sum_y = {0}, sum_z = {0}, sum_q = {0};
     const sphm_solid_twin *twin = columns->twin + slice[0].twin, *last = columns->twin + slice[1].twin;
-    const sphm_solid_single *single = columns->single + slice[0].single,
-                            *end = columns->single + slice[1].single;
     for (; twin < last; ++twin) {
         const sphm_real *weight = columns->weight + twin->weight;
         const int32_t ahead = twin->ahead, behind = twin->behind;
-        _Pragma("GCC unroll 9") for (int k = 0; k < 9; ++k) {
-            const sphm_lanes jump = load(columns->stress[k] + ahead) - load(columns->stress[k] + behind);
-            sum[k] += jump * repeat(weight[k % 3]);
-        }
-        const sphm_lanes w = repeat(weight[3]);
-        _Pragma("GCC unroll 3") for (int d = 0; d < 3; ++d) {
-            const sphm_real *q = columns->stress[9 + d];
-            sum[9 + d] += ((load(q + ahead) - twice[d]) + load(q + behind)) * w;
-        }
+        sum_x += (sphm_lanes_load(x + ahead) - sphm_lanes_load(x + behind)) * sphm_lanes_repeat(weight[0]);
+        sum_y += (sphm_lanes_load(y + ahead) - sphm_lanes_load(y + behind)) * sphm_lanes_repeat(weight[1]);
+        sum_z += (sphm_lanes_load(z + ahead) - sphm_lanes_load(z + behind)) * sphm_lanes_repeat(weight[2]);
+        sum_q += ((sphm_lanes_load(q + ahead) - twice) + sphm_lanes_load(q + behind)) *
+                 sphm_lanes_repeat(weight[3]);
     }
+    const sphm_solid_single *single = columns->single + slice[0].single,
+                            *end = columns->single + slice[1].single;
     for (; single < end; ++single) {
         const sphm_real *weight = columns->weight + 4 * single->weight;
-        const some lanes = some_of(single->lanes);
-        _Pragma("GCC unroll 9") for (int k = 0; k < 9; ++k) sum[k] =
-            add_some(sum[k], load(columns->stress[k] + single->from), repeat(weight[k % 3]), lanes);
-        const sphm_lanes w = repeat(weight[3]);
-        _Pragma("GCC unroll 3") for (int d = 0; d < 3; ++d) {
-            const sphm_real *q = columns->stress[9 + d];
-            sum[9 + d] += subtract_some(load(q + single->from), load(q + slice->slot), lanes) * w;
-        }
+        const sphm_some lanes = sphm_some_of(single->lanes);
+        const int32_t from = single->from;
+        sum_x = sphm_lanes_add_some(sum_x, sphm_lanes_load(x + from), sphm_lanes_repeat(weight[0]), lanes);
+        sum_y = sphm_lanes_add_some(sum_y, sphm_lanes_load(y + from), sphm_lanes_repeat(weight[1]), lanes);
+        sum_z = sphm_lanes_add_some(sum_z, sphm_lanes_load(z + from), sphm_lanes_repeat(weight[2]), lanes);
+        sum_q +=
+            sphm_lanes_subtract_some(sphm_lanes_load(q + from), own, lanes) * sphm_lanes_repeat(weight[3]);
     }
-    _Pragma("GCC unroll 3") for (int d = 0; d < 3; ++d) {
-        sphm_lanes f = sum[9 + d];
-        _Pragma("GCC unroll 3") for (int c = 0; c < 3; ++c) f +=
-            sum[3 * d + c] +
-            load(columns->stress[3 * d + c] + slice->slot) * load(columns->constant[6 + c] + slice->slot);
-        force[d] = f;
-    }
+    sum_x += sphm_lanes_load(x + slice->slot) * sphm_lanes_load(columns->constant[6] + slice->slot);
+    sum_y += sphm_lanes_load(y + slice->slot) * sphm_lanes_load(columns->constant[7] + slice->slot);
+    sum_z += sphm_lanes_load(z + slice->slot) * sphm_lanes_load(columns->constant[8] + slice->slot);
+    return (sum_x + sum_y) + (sum_z + sum_q);
 }
 
+/* One component after the other: what a row's neighbours have of one stays in the first-level cache until the
+ * next row, what they have of all three would not. */
 void sphm_solid_columns_force(const sphm_solid_field *field, sphm_solid_lines *lines) {
     const sphm_solid_columns *columns = &lines->columns;
-#pragma omp parallel for num_threads(field->threads) schedule(static)
-    for (size_t s = 0; s < columns->slices; ++s) {
-        const sphm_solid_slice *slice = &columns->slice[s];
-        const some lanes = some_of(first_lanes(slice->count));
-        sphm_lanes force[3];
-        sum_force(columns, slice, force);
-        for (int d = 0; d < 3; ++d)
-            store_some(lines->force[d] + slice->slot, field->particle_volume_m3 * force[d], lanes);
+#pragma omp parallel num_threads(field->threads)
+    for (int d = 0; d < 3; ++d) {
+#pragma omp for schedule(static) nowait
+        for (size_t s = 0; s < columns->slices; ++s) {
+            const sphm_solid_slice *slice = &columns->slice[s];
+            sphm_lanes_store_some(lines->force[d] + slice->slot,
+                                  field->particle_volume_m3 * sum_force(columns, slice, d),
+                                  sphm_some_of(sphm_first_lanes(slice->count)));
+        }
     }
 }
