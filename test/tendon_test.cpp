@@ -81,6 +81,23 @@ TEST(Tendon, StiffOnesShortenTheStep) {
     EXPECT_NE(std::string(context.message).find("tendon_stiffness"), std::string::npos);
 }
 
+// What is drawn of a tendon: from the belly's end to the bone, as long as it is stretched.
+TEST(Tendon, IsBetweenBellyAndBone) {
+    sphm_parameters p = bar();
+    double belly[3], bone[3];
+    EXPECT_EQ(sphm_muscle_tendon(make(p).get(), SPHM_END_INSERTION, belly, bone), 0);
+    p.tendon_stiffness = 2000;
+    p.tendon_slack_length = 0.02;
+    const Muscle muscle = make(p);
+    EXPECT_EQ(sphm_muscle_tendon(muscle.get(), SPHM_END_ORIGIN, belly, bone), 0);
+    ASSERT_EQ(sphm_muscle_activate(muscle.get(), 0.3, 0, nullptr), SPHM_OK);
+    proceed(muscle, 0.1);
+    ASSERT_EQ(sphm_muscle_tendon(muscle.get(), SPHM_END_INSERTION, belly, bone), 1);
+    EXPECT_NEAR(bone[0], sphm_muscle_body(muscle.get())->insertion_m[0] + 0.02, 1e-12);
+    EXPECT_NEAR(2000 * (bone[0] - belly[0] - 0.02), -wrench(muscle, SPHM_END_INSERTION).force_N[0], 1e-6);
+    EXPECT_GT(bone[0] - belly[0], 0.021);
+}
+
 // A block with nothing held, without fibres: -K ln J/J = p, no force, no drift.
 TEST(SurfacePressure, CompressesABlockByTheBulkModulus) {
     sphm_parameters p = bar();

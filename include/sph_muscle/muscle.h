@@ -120,6 +120,8 @@ sphm_status sphm_muscle_release_end(sphm_muscle *muscle, int end, sphm_context *
 /* SPHM_END_HELD, ... and, where `load_N` is not NULL, the load of a loaded or sliding end, else 0. -1 for an
  * unknown end and for the fluid. */
 int sphm_muscle_end_condition(const sphm_muscle *muscle, int end, double load_N[3]);
+/* Where the tendon of an end begins at the belly and ends at the bone now; 0 where there is no tendon. */
+int sphm_muscle_tendon(const sphm_muscle *muscle, int end, double belly_m[3], double bone_m[3]);
 /* The end's frame now. Beyond the tendon of an end that is not held, where its bone would be. */
 sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_pose *pose,
                                  sphm_context *context);

@@ -183,6 +183,18 @@ sphm_status sphm_muscle_end_pose(const sphm_muscle *muscle, int end, sphm_end_po
     return SPHM_OK;
 }
 
+int sphm_muscle_tendon(const sphm_muscle *muscle, int end, double belly_m[3], double bone_m[3]) {
+    if (!muscle->ops->wrench || end < 0 || end >= SPHM_END_COUNT ||
+        !(muscle->model.ends[end].tendon_N_per_m > 0))
+        return 0;
+    sphm_end_state belly, bone;
+    sphm_end_block_state(&muscle->model.ends[end], &muscle->ops->clock(muscle->backend)->ends[end], &belly);
+    frame_now(muscle, end, &bone);
+    memcpy(belly_m, belly.position_m, sizeof belly.position_m);
+    memcpy(bone_m, bone.position_m, sizeof bone.position_m);
+    return 1;
+}
+
 sphm_status sphm_muscle_wrench(sphm_muscle *muscle, int end, sphm_wrench *wrench, sphm_context *context) {
     sphm_status status = refuse_fluid(muscle, "the wrench at an end", context);
     if (status == SPHM_OK)

@@ -241,6 +241,20 @@ void add_arrows(const sphm_body &body, const sphm_particles &particles, const st
     }
 }
 
+void add_tendons(const sphm_muscle *muscle, const sphm_body &body, const std_msgs::Header &header,
+                 visualization_msgs::MarkerArray *markers) {
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        double belly[3], bone[3];
+        if (sphm_muscle_tendon(muscle, end, belly, bone) == 0)
+            continue;
+        Marker tendon = new_marker("tendons", end, Marker::LINE_LIST, header);
+        set_scale(&tendon, 0.03 * body.length_m, 0, 0);
+        tendon.color = colour(0.93F, 0.91F, 0.84F, 1);
+        tendon.points = {point(belly[0], belly[1], belly[2]), point(bone[0], bone[1], bone[2])};
+        markers->markers.push_back(tendon);
+    }
+}
+
 void add_attachments(const sphm_body &body, const sphm_particles &particles, const std_msgs::Header &header,
                      visualization_msgs::MarkerArray *markers) {
     for (int end : {SPHM_ATTACHED_ORIGIN, SPHM_ATTACHED_INSERTION}) {
@@ -328,6 +342,7 @@ visualization_msgs::MarkerArray make_markers(const sphm_muscle *muscle, const sp
     const sphm_body &body = *sphm_muscle_body(muscle);
     add_arrows(body, particles, state.header, &markers);
     add_attachments(body, particles, state.header, &markers);
+    add_tendons(muscle, body, state.header, &markers);
     add_electrodes(muscle, body, state.header, &markers);
     add_text(body, state, &markers);
     return markers;
