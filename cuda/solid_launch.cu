@@ -1,55 +1,13 @@
-/* The __global__ functions around the threads of solid_threads.h: indices, the sum over lanes, which warp
- * finishes.
- *
- * A block of 256 threads sums the rows of 32 particles, eight lanes each. The sums meet in shared memory, and
- * the first warp finishes all 32 particles together: finished by one lane in eight, the material, which is as
- * much arithmetic as the row, would run at an eighth of the width. */
+/* The __global__ functions around the threads of solid_threads.h. */
 #include "cuda/solid_launch.h"
 
 #include "cuda/check.h"
+#include "cuda/gather.h"
 #include "cuda/solid_threads.h"
 
 namespace {
 
-constexpr int block_threads = 256;
-constexpr int block_particles = block_threads / SPHM_SOLID_LANES;
-static_assert(block_particles == 32, "one warp finishes");
-
-/* Every lane of a row ends with the same sum: the same pairs are added in the same order. */
-template <int numbers> __device__ void add_lanes(sphm_real (&sum)[numbers]) {
-    SPHM_UNROLL
-    for (int apart = SPHM_SOLID_LANES / 2; apart > 0; apart /= 2) {
-        SPHM_UNROLL
-        for (int k = 0; k < numbers; ++k)
-            sum[k] += __shfl_xor_sync(0xffffffffu, sum[k], apart);
-    }
-}
-
-/* Sums the rows of the block's particles with lane(particle, lane, sum) and hands them to finish(particle,
- * sum). `count` items; `particle_of` gives an item's particle. */
-template <int numbers, class ParticleOf, class Lane, class Finish>
-__device__ void gather(size_t count, ParticleOf particle_of, Lane lane, Finish finish) {
-    __shared__ sphm_real sums[block_particles][numbers + 1 - numbers % 2]; /* odd: no bank twice in a warp */
-    const size_t first = (size_t)blockIdx.x * block_particles;
-    const int mine = (int)threadIdx.x / SPHM_SOLID_LANES, own_lane = (int)threadIdx.x % SPHM_SOLID_LANES;
-    sphm_real sum[numbers] = {};
-    if (first + mine < count)
-        lane(particle_of(first + mine), own_lane, sum);
-    add_lanes(sum);
-    if (own_lane == 0)
-        for (int k = 0; k < numbers; ++k)
-            sums[mine][k] = sum[k];
-    __syncthreads();
-    if (threadIdx.x >= block_particles || first + threadIdx.x >= count)
-        return;
-    for (int k = 0; k < numbers; ++k)
-        sum[k] = sums[threadIdx.x][k];
-    finish(first + threadIdx.x, sum);
-}
-
-struct itself {
-    __device__ size_t operator()(size_t item) const { return item; }
-};
+using namespace sphm_grid_of_threads;
 
 __global__ void __launch_bounds__(block_threads) hits(sphm_solid_device d, int step) {
     const size_t i = (size_t)blockIdx.x * block_threads + threadIdx.x;
@@ -90,7 +48,7 @@ __global__ void __launch_bounds__(block_threads) move(sphm_solid_device d, int s
 
 __global__ void __launch_bounds__(block_threads) spread(sphm_solid_device d, int step, int substep) {
     const sphm_solid_plan *p = &d.submission->plan[step];
-    if (sphm_solid_has_failed(&d, step) || substep + 1 >= p->substeps)
+    if (sphm_solid_has_failed(&d, step) || substep + 1 >= p->membrane.substeps)
         return;
     gather<1>(
         d.count, itself(),
@@ -106,8 +64,8 @@ __global__ void __launch_bounds__(block_threads) strain(sphm_solid_device d, int
         d.count, itself(),
         [&](size_t i, int lane, sphm_real *sum) {
             sphm_solid_strain_lane(&d, i, lane, sum);
-            if (p->substeps > 0)
-                sphm_solid_spread_lane(&d, p, p->substeps - 1, i, lane, sum + 18);
+            if (p->membrane.substeps > 0)
+                sphm_solid_spread_lane(&d, p, p->membrane.substeps - 1, i, lane, sum + 18);
         },
         [&](size_t i, const sphm_real *sum) { sphm_solid_strain_finish(&d, p, step, i, sum); });
 }
@@ -143,10 +101,6 @@ __global__ void __launch_bounds__(block_threads) snapshot(sphm_solid_device d, s
     const size_t i = (size_t)blockIdx.x * block_threads + threadIdx.x;
     if (i < d.count)
         sphm_solid_snapshot_thread(&d, &call, i);
-}
-
-unsigned blocks_of(size_t items, int items_per_block) {
-    return (unsigned)((items + (size_t)items_per_block - 1) / (size_t)items_per_block);
 }
 
 } // namespace

@@ -4,6 +4,7 @@
 #define SPHM_CUDA_SOLID_LAYOUT_H
 
 #include "core/membrane_schedule.h"
+#include "cuda/membrane_plan.h"
 #include "kernels/look.h"
 #include "kernels/membrane.h"
 #include "kernels/solid_line.h"
@@ -13,7 +14,6 @@
 extern "C" {
 #endif
 
-#define SPHM_SOLID_LANES 8          /* threads that share a row; divides SPHM_ROW_ALIGN */
 #define SPHM_SUBMISSION_STEPS 32    /* most steps of a submission */
 #define SPHM_SOLID_END_PARTIALS 256 /* the same for each end; one thread adds them up */
 #define SPHM_SOLID_PARTIALS 1024    /* threads of a reduction; the host adds up what they leave */
@@ -35,16 +35,10 @@ typedef struct sphm_solid_plan {
     sphm_solid_mover mover;
     double step_s, keep; /* as in the mover, in double */
     sphm_solid_end ends[SPHM_END_COUNT];
-    int commanded;          /* an activation is: the membrane stands still */
-    sphm_real target;       /* it */
-    sphm_real rate_share;   /* of the way that the filtered fibre rate goes; 0 without force-velocity */
-    sphm_real rise, fall;   /* of the activation filter */
-    int substeps;           /* diffusion sweeps; 0: the diffusion waits */
-    int buffer;             /* of the potential, at the start of the step */
-    sphm_real first_ms;     /* cell sweep before the first diffusion */
-    sphm_real between_ms;   /* between two */
-    sphm_real last_ms;      /* after the last */
-    sphm_real diffusion_ms; /* each diffusion */
+    int commanded;        /* an activation is: the membrane stands still */
+    sphm_real target;     /* it */
+    sphm_real rate_share; /* of the way that the filtered fibre rate goes; 0 without force-velocity */
+    sphm_membrane_plan membrane;
 } sphm_solid_plan;
 
 /* A point force; relative to the frame of the state. */

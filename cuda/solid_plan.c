@@ -55,21 +55,6 @@ void sphm_solid_plan_drive(sphm_solid_submission *s, const sphm_model *model, co
     }
 }
 
-/* Cell sweeps and diffusions; a commanded activation stops them, and the diffusion that is due stays due. */
-static void plan_membrane(sphm_solid_plan *plan, const sphm_model *model, double stable_step_ms,
-                          double step_s, sphm_solid_clock *clock) {
-    const sphm_membrane_schedule schedule =
-        sphm_membrane_schedule_step(&model->membrane, stable_step_ms, clock->diffusion_due_s, step_s);
-    const int several = schedule.substeps > 0;
-    plan->substeps = (int)schedule.substeps;
-    plan->first_ms = (sphm_real)(several ? schedule.reaction_ms / 2 : schedule.reaction_ms);
-    plan->between_ms = (sphm_real)schedule.reaction_ms;
-    plan->last_ms = (sphm_real)(schedule.reaction_ms / 2);
-    plan->diffusion_ms = (sphm_real)schedule.diffusion_ms;
-    clock->diffusion_due_s = schedule.due_s;
-    clock->buffer = (clock->buffer + plan->substeps) & 1;
-}
-
 void sphm_solid_plan_step(sphm_solid_plan *plan, const sphm_model *model, const sphm_drive *drive,
                           double stable_step_ms, double step_s, sphm_solid_clock *clock) {
     const sphm_membrane_constants *c = &model->membrane;
@@ -77,16 +62,17 @@ void sphm_solid_plan_step(sphm_solid_plan *plan, const sphm_model *model, const 
     plan->mover = mover_of(model, step_s);
     plan->step_s = step_s;
     plan->keep = exp(-model->parameters.velocity_damping * step_s);
-    plan->rise = (sphm_real)-expm1(-step_s * 1e3 / (double)c->activation_ms);
-    plan->fall = (sphm_real)-expm1(-step_s * 1e3 / (double)c->deactivation_ms);
     if (model->parameters.force_velocity == SPHM_FORCE_VELOCITY_HILL)
         plan->rate_share = (sphm_real)-expm1(-step_s / model->parameters.rate_filter);
-    plan->buffer = clock->buffer;
     plan->commanded = drive->activation_commanded;
-    if (plan->commanded)
+    if (plan->commanded) { /* the diffusion that is due stays due */
+        sphm_membrane_plan_filter(&plan->membrane, c, step_s);
+        plan->membrane.buffer = clock->buffer;
         plan->target = (sphm_real)drive->activation;
-    else
-        plan_membrane(plan, model, stable_step_ms, step_s, clock);
+    } else {
+        sphm_membrane_plan_step(&plan->membrane, c, stable_step_ms, step_s, &clock->diffusion_due_s,
+                                &clock->buffer);
+    }
     for (int end = 0; end < SPHM_END_COUNT; ++end)
         plan_end(&plan->ends[end], model, &drive->ends[end], end, step_s, clock);
     clock->time_s += step_s;
@@ -96,5 +82,5 @@ void sphm_solid_plan_step(sphm_solid_plan *plan, const sphm_model *model, const 
 void sphm_solid_plan_nothing(sphm_solid_plan *plan, int buffer) {
     memset(plan, 0, sizeof *plan);
     plan->commanded = 1; /* the membrane stands still, and with no rise and fall so does the activation */
-    plan->buffer = buffer;
+    plan->membrane.buffer = buffer;
 }

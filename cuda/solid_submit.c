@@ -23,7 +23,7 @@ static sphm_status launch(const sphm_solid_backend *b, int which, int step, int 
 static int launches_of(const sphm_solid_submission *s, size_t steps) {
     int substeps = 1, ends = 0;
     for (size_t k = 0; k < steps; ++k) {
-        substeps = s->plan[k].substeps > substeps ? s->plan[k].substeps : substeps;
+        substeps = s->plan[k].membrane.substeps > substeps ? s->plan[k].membrane.substeps : substeps;
         for (int end = 0; end < SPHM_END_COUNT; ++end)
             ends |= s->plan[k].ends[end].moved_by != SPHM_SOLID_FOLLOWS;
     }

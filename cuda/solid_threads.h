@@ -1,44 +1,14 @@
 /* What one thread of each launch of the solid tissue does; see doc/cuda.md for the order of the launches.
  * Compiled by nvcc, which runs one thread each, and by the tests, which run them one after the other.
  *
- * Rows are shared by SPHM_SOLID_LANES lanes: a _lane function adds the entries of one lane to `sum`; the
+ * Rows are shared by SPHM_DEVICE_LANES lanes: a _lane function adds the entries of one lane to `sum`; the
  * caller adds the lanes up (lanes 4, 2, 1 apart) and hands the whole to the _finish function of the particle.
  */
 #ifndef SPHM_CUDA_SOLID_THREADS_H
 #define SPHM_CUDA_SOLID_THREADS_H
 
 #include "cuda/solid_layout.h"
-
-/* Integer, so that the order does not matter. */
-SPHM_FN void sphm_count_up(uint32_t *counter) {
-#ifdef __CUDA_ARCH__
-    atomicAdd(counter, 1u);
-#else
-    ++*counter;
-#endif
-}
-
-SPHM_FN void sphm_keep_smallest(uint64_t *smallest, uint64_t value) {
-#ifdef __CUDA_ARCH__
-    atomicMin((unsigned long long *)smallest, (unsigned long long)value);
-#else
-    *smallest = value < *smallest ? value : *smallest;
-#endif
-}
-
-/* Four numbers at a time, 16 bytes: lines and pairs are aligned to that. */
-SPHM_FN void sphm_load4(const sphm_real *from, sphm_real to[4]) {
-#if defined(__CUDA_ARCH__) && !defined(SPH_MUSCLE_DOUBLE)
-    const float4 four = *(const float4 *)from;
-    to[0] = four.x;
-    to[1] = four.y;
-    to[2] = four.z;
-    to[3] = four.w;
-#else
-    for (int c = 0; c < 4; ++c)
-        to[c] = from[c];
-#endif
-}
+#include "cuda/threads.h"
 
 /* A step before this one has failed: the state stays as that step left it. */
 SPHM_FN int sphm_solid_has_failed(const sphm_solid_device *d, int step) {
@@ -84,38 +54,27 @@ SPHM_FN void sphm_solid_add_pulls(const sphm_solid_device *d, int step, size_t i
 /* The cell model over step_ms from potential v; writes the potential into `buffer`. */
 SPHM_FN sphm_real sphm_solid_react(const sphm_solid_device *d, size_t i, sphm_real v, sphm_real step_ms,
                                    int buffer) {
-    const sphm_membrane_table *table = &d->submission->electrodes;
-    const int mask = d->electrodes[i] & (SPHM_ELECTRODE_MASKS - 1);
-    sphm_membrane_drive drive;
-    drive.current_uA_per_mm2 = table->current[mask];
-    drive.lower_mV = table->lower[mask];
-    drive.upper_mV = table->upper[mask];
-    sphm_membrane_advance(&d->membrane, drive, step_ms, &v, &d->recovery[i]);
+    sphm_thread_react(&d->membrane, &d->submission->electrodes, d->electrodes[i], step_ms, &v,
+                      &d->recovery[i]);
     d->potential[(size_t)buffer * d->count + i] = v;
     return v;
-}
-
-/* Buffer that diffusion sweep `substep` (0, 1, ...) reads; it writes the other one. */
-SPHM_FN int sphm_solid_source(const sphm_solid_plan *p, int substep) {
-    return (p->buffer + substep) & 1;
 }
 
 /* sum_j w_ij (V_j - V_i) */
 SPHM_FN void sphm_solid_spread_lane(const sphm_solid_device *d, const sphm_solid_plan *p, int substep,
                                     size_t i, int lane, sphm_real sum[1]) {
-    const sphm_real *v = d->potential + (size_t)sphm_solid_source(p, substep) * d->count;
+    const sphm_real *v = d->potential + (size_t)sphm_spread_source(&p->membrane, substep) * d->count;
     const uint64_t begin = d->row_start[i], end = begin + (uint64_t)d->row_count[i];
     const sphm_real own = v[i];
-    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_SOLID_LANES)
+    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_DEVICE_LANES)
         sum[0] += d->weight[k] * (v[d->neighbour[k]] - own);
 }
 
 SPHM_FN sphm_real sphm_solid_spread_finish(const sphm_solid_device *d, const sphm_solid_plan *p, int substep,
                                            size_t i, const sphm_real sum[1]) {
-    const int from = sphm_solid_source(p, substep);
-    const sphm_real v = d->potential[(size_t)from * d->count + i] + p->diffusion_ms * sum[0];
-    const sphm_real step_ms = substep + 1 < p->substeps ? p->between_ms : p->last_ms;
-    return sphm_solid_react(d, i, v, step_ms, 1 - from);
+    const int from = sphm_spread_source(&p->membrane, substep);
+    const sphm_real v = d->potential[(size_t)from * d->count + i] + p->membrane.diffusion_ms * sum[0];
+    return sphm_solid_react(d, i, v, sphm_spread_reaction_ms(&p->membrane, substep), 1 - from);
 }
 
 /* Force and motion -----------------------------------------------------------------------------------------
@@ -128,7 +87,7 @@ SPHM_FN void sphm_solid_force_lane(const sphm_solid_device *d, const sphm_real *
     sphm_real own[16], other[16], w[4];
     for (int c = 0; c < 16; c += 4)
         sphm_load4(stress + 16 * i + c, own + c);
-    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_SOLID_LANES) {
+    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_DEVICE_LANES) {
         const sphm_real *line = stress + 16 * (size_t)d->neighbour[k];
         sphm_load4(d->pair + 4 * k, w);
         for (int c = 0; c < 16; c += 4)
@@ -246,7 +205,8 @@ SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid
     if (!sphm_motion_is_finite(motion))
         sphm_solid_fail(d, step, 1, i);
     if (!p->commanded)
-        (void)sphm_solid_react(d, i, d->potential[(size_t)p->buffer * d->count + i], p->first_ms, p->buffer);
+        (void)sphm_solid_react(d, i, d->potential[(size_t)p->membrane.buffer * d->count + i],
+                               p->membrane.first_ms, p->membrane.buffer);
 }
 
 /* Strain and stress ----------------------------------------------------------------------------------------
@@ -258,7 +218,7 @@ SPHM_FN void sphm_solid_strain_lane(const sphm_solid_device *d, size_t i, int la
     sphm_real own[8], other[8], w[4];
     sphm_load4(d->motion + 8 * i, own);
     sphm_load4(d->motion + 8 * i + 4, own + 4);
-    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_SOLID_LANES) {
+    for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_DEVICE_LANES) {
         const sphm_real *line = d->motion + 8 * (size_t)d->neighbour[k];
         sphm_load4(d->pair + 4 * k, w);
         sphm_load4(line, other);
@@ -309,11 +269,13 @@ SPHM_FN sphm_real sphm_solid_activate(const sphm_solid_device *d, const sphm_sol
                                       const sphm_real diffusion[1]) {
     sphm_real target = p->target;
     if (!p->commanded) {
-        const sphm_real v = p->substeps > 0 ? sphm_solid_spread_finish(d, p, p->substeps - 1, i, diffusion)
-                                            : d->potential[(size_t)p->buffer * d->count + i];
+        const sphm_real v = p->membrane.substeps > 0
+                                ? sphm_solid_spread_finish(d, p, p->membrane.substeps - 1, i, diffusion)
+                                : d->potential[(size_t)p->membrane.buffer * d->count + i];
         target = sphm_activation_target(&d->membrane, v);
     }
-    return d->activation[i] = sphm_activation_filter(d->activation[i], target, p->rise, p->fall);
+    return d->activation[i] =
+               sphm_activation_filter(d->activation[i], target, p->membrane.rise, p->membrane.fall);
 }
 
 /* sum[18]: the diffusion. */

@@ -62,12 +62,12 @@ inline sphm_status request(sphm_context *context) {
 
 // The lanes of a row, added up as the shuffles do.
 template <size_t numbers, class Lane> void gather(Lane lane, sphm_real sum[numbers]) {
-    sphm_real all[SPHM_SOLID_LANES][numbers] = {};
-    for (int l = 0; l < SPHM_SOLID_LANES; ++l)
+    sphm_real all[SPHM_DEVICE_LANES][numbers] = {};
+    for (int l = 0; l < SPHM_DEVICE_LANES; ++l)
         lane(l, all[l]);
-    for (int apart = SPHM_SOLID_LANES / 2; apart > 0; apart /= 2) {
-        sphm_real next[SPHM_SOLID_LANES][numbers];
-        for (int l = 0; l < SPHM_SOLID_LANES; ++l)
+    for (int apart = SPHM_DEVICE_LANES / 2; apart > 0; apart /= 2) {
+        sphm_real next[SPHM_DEVICE_LANES][numbers];
+        for (int l = 0; l < SPHM_DEVICE_LANES; ++l)
             for (size_t k = 0; k < numbers; ++k)
                 next[l][k] = all[l][k] + all[l ^ apart][k];
         memcpy(all, next, sizeof all);
@@ -87,7 +87,7 @@ inline void run_particle(const sphm_solid_device &d, const sphm_solid_call &call
         sphm_solid_move_finish(&d, p, call.step, i, sum);
         break;
     case SPHM_SOLID_SPREAD:
-        if (call.substep + 1 >= p->substeps)
+        if (call.substep + 1 >= p->membrane.substeps)
             break;
         gather<1>([&](int lane, sphm_real *s) { sphm_solid_spread_lane(&d, p, call.substep, i, lane, s); },
                   sum);
@@ -97,8 +97,8 @@ inline void run_particle(const sphm_solid_device &d, const sphm_solid_call &call
         gather<19>(
             [&](int lane, sphm_real *s) {
                 sphm_solid_strain_lane(&d, i, lane, s);
-                if (p->substeps > 0)
-                    sphm_solid_spread_lane(&d, p, p->substeps - 1, i, lane, s + 18);
+                if (p->membrane.substeps > 0)
+                    sphm_solid_spread_lane(&d, p, p->membrane.substeps - 1, i, lane, s + 18);
             },
             sum);
         sphm_solid_strain_finish(&d, p, call.step, i, sum);
