@@ -108,7 +108,7 @@ TEST(Neighbours, OrderIsByCellThenIdWhateverTheOldOrder) {
     ASSERT_EQ(two.build(0.012, 0.012), SPHM_OK);
     EXPECT_EQ(one.id, two.id);
     EXPECT_EQ(one.x, two.x);
-    EXPECT_EQ(one.grid.axis[0], 1) << "the longest side is the slow one";
+    EXPECT_EQ(one.grid.cells.axis[0], 1) << "the longest side is the slow one";
 }
 
 TEST(Neighbours, AnyNumberOfThreadsFindsTheSameRows) {
@@ -128,7 +128,7 @@ TEST(Neighbours, DuplicateIsolatedAndRunawayParticlesAreFine) {
     cloud.x[30] = 40; // far away: cells must grow, not the memory
     cloud.y[40] = -1000;
     ASSERT_EQ(cloud.build(0.011, 0.011), SPHM_OK);
-    EXPECT_LE(cloud.grid.cells, 8u * 300 + 64);
+    EXPECT_LE(cloud.grid.cells.count, 8u * 300 + 64);
     for (size_t slot = 0; slot < cloud.x.size(); ++slot)
         ASSERT_EQ(cloud.row(slot), cloud.row_by_search(slot, 0.011));
 }

@@ -48,46 +48,19 @@ static sphm_status reserve(sphm_diffusion *d, size_t particles, size_t pairs, sp
     return SPHM_OK;
 }
 
-/* sphm_pair_gradient() of 16 pairs. At distance 0 it is 0, because SPHM_TINY vanishes in 2 - q and 1 - q. */
-SPHM_INLINE sphm_lanes pair_gradient(sphm_lanes r, sphm_lanes inverse_r) {
-    const sphm_lanes outer = sphm_lanes_positive(2 - 2 * r), inner = sphm_lanes_positive(1 - 2 * r);
-    return (outer * outer - 4 * inner * inner) * (sphm_real)0.5 * inverse_r;
-}
-
 /* sum of g^ x^ x^ x^ x^/r^2 over the row of particle i. */
 static void fourth_moments(const build *w, size_t i, double moment[SPHM_MOMENT_COUNT]) {
     const sphm_pack own = w->twin[i].first;
     const int32_t *slot = w->n->slot;
     const size_t end = w->n->row_start[i + 1];
-    sphm_lanes xxxx = {0}, yyyy = {0}, zzzz = {0}, xxyy = {0}, xxzz = {0}, yyzz = {0}, xxxy = {0}, xxxz = {0},
-               xxyz = {0}, xyyy = {0}, xyyz = {0}, xyzz = {0}, xzzz = {0}, yyyz = {0}, yzzz = {0};
-    for (size_t k = w->n->row_start[i]; k < end; k += SPHM_LANES) {
-        const sphm_row_packs p = sphm_row_read_first(w->twin, slot + k);
-        const sphm_lanes dx = p.x - own.x, dy = p.y - own.y, dz = p.z - own.z;
-        const sphm_lanes xx = dx * dx, yy = dy * dy, zz = dz * dz, xy = dx * dy, xz = dx * dz, yz = dy * dz;
-        const sphm_lanes r2 = xx + yy + zz + SPHM_TINY, inverse_r = sphm_lanes_inverse_sqrt(r2);
-        const sphm_lanes g = pair_gradient(r2 * inverse_r, inverse_r) * inverse_r * inverse_r;
-        const sphm_lanes gxx = g * xx, gyy = g * yy, gzz = g * zz;
-        xxxx += gxx * xx;
-        yyyy += gyy * yy;
-        zzzz += gzz * zz;
-        xxyy += gxx * yy;
-        xxzz += gxx * zz;
-        yyzz += gyy * zz;
-        xxxy += gxx * xy;
-        xxxz += gxx * xz;
-        xxyz += gxx * yz;
-        xyyy += gyy * xy;
-        xyyz += gyy * xz;
-        yyyz += gyy * yz;
-        xyzz += gzz * xy;
-        xzzz += gzz * xz;
-        yzzz += gzz * yz;
-    }
+    sphm_moments_lanes m;
+    memset(&m, 0, sizeof m);
+    for (size_t k = w->n->row_start[i]; k < end; k += SPHM_LANES)
+        sphm_moments_pair_lanes(own, sphm_row_read_first(w->twin, slot + k), &m);
     /* In the order of the enumeration. */
     const sphm_pack sums[4] = {
-        sphm_lanes_sums(xxxx, yyyy, zzzz, xxyy), sphm_lanes_sums(xxzz, yyzz, xxxy, xxxz),
-        sphm_lanes_sums(xxyz, xyyy, xyyz, xyzz), sphm_lanes_sums(xzzz, yyyz, yzzz, yzzz)};
+        sphm_lanes_sums(m.xxxx, m.yyyy, m.zzzz, m.xxyy), sphm_lanes_sums(m.xxzz, m.yyzz, m.xxxy, m.xxxz),
+        sphm_lanes_sums(m.xxyz, m.xyyy, m.xyyz, m.xyzz), sphm_lanes_sums(m.xzzz, m.yyyz, m.yzzz, m.yzzz)};
     sphm_real all[16];
     memcpy(all, sums, sizeof all);
     for (int k = 0; k < SPHM_MOMENT_COUNT; k++)
@@ -132,9 +105,7 @@ static size_t correct(const build *w, size_t i) {
     return regular ? 0 : 1;
 }
 
-/* Weights of the row of particle i. Every operation is symmetric in i and j, so that w_ij and w_ji are the
- * same to the bit: differences only change sign, and sums of two commute. `bare` is a constant where this is
- * inlined. */
+/* Weights of the row of particle i. `bare` is a constant where this is inlined. */
 SPHM_INLINE void weigh_row(const build *w, size_t i, const int bare, sphm_real *weight) {
     const sphm_pack own = w->twin[i].first, b = w->twin[i].second;
     const sphm_real bxz = w->bxz[i], byz = w->byz[i];
@@ -143,17 +114,9 @@ SPHM_INLINE void weigh_row(const build *w, size_t i, const int bare, sphm_real *
     const size_t end = w->n->row_start[i + 1];
     for (size_t k = w->n->row_start[i]; k < end; k += SPHM_LANES) {
         const sphm_row_twins other = sphm_row_read_twins(w->twin, slot + k);
-        const sphm_lanes dx = other.first.x - own.x, dy = other.first.y - own.y, dz = other.first.z - own.z;
-        const sphm_lanes r2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
-        const sphm_lanes inverse_r = sphm_lanes_inverse_sqrt(r2), r = r2 * inverse_r;
-        const sphm_lanes g = bare ? sphm_lanes_positive(2 - 2 * r) - 4 * sphm_lanes_positive(1 - 2 * r)
-                                  : pair_gradient(r, inverse_r);
-        const sphm_lanes cross_z =
-            (bxz + sphm_row_gather(w->bxz, slot + k)) * dx + (byz + sphm_row_gather(w->byz, slot + k)) * dy;
-        const sphm_lanes form = (b.x + other.second.x) * (dx * dx) + (b.y + other.second.y) * (dy * dy) +
-                                (b.z + other.second.z) * (dz * dz) +
-                                2 * ((b.w + other.second.w) * (dx * dy) + cross_z * dz);
-        const sphm_lanes value = half_factor * g * inverse_r * inverse_r * form;
+        const sphm_lanes value = sphm_weight_pair_lanes(bare, half_factor, own, b, other.first, other.second,
+                                                        bxz + sphm_row_gather(w->bxz, slot + k),
+                                                        byz + sphm_row_gather(w->byz, slot + k));
         memcpy(weight + k, &value, sizeof value);
     }
 }
@@ -181,13 +144,13 @@ static double row_bound(const build *w, size_t i, const sphm_real *weight, size_
 }
 
 static build prepare(const sphm_diffusion *d, const sphm_neighbours *n, const sphm_diffusion_input *in) {
-    const double h = in->support_radius_m, h_mm = h * 1e3;
+    const double h = in->support_radius_m;
     build w;
     w.n = n;
     w.in = in;
     w.inverse_h_per_m = (sphm_real)(1 / h);
-    w.pair_factor = SPHM_PAIR_FACTOR * (sphm_real)(in->particle_volume_m3 / (h * h * h));
-    w.along = in->diffusion_mm2_per_ms / (h_mm * h_mm);
+    w.pair_factor = sphm_pair_factor(in->particle_volume_m3, h);
+    w.along = sphm_diffusion_in_h(in->diffusion_mm2_per_ms, h);
     w.across = w.along / in->anisotropy_ratio;
     w.twin = (sphm_twin *)d->scratch;
     w.bxz = d->scratch + 8 * d->particles;

@@ -7,16 +7,9 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/fluid_watch.h"
 #include "cpu/membrane.h"
 #include "cpu/parallel.h"
-
-/* Skin of the neighbour rows over h. A step moves particles by some thousandths of h at most, so that rows
- * last for tens of steps; each hundredth costs 3 % more pairs and memory. */
-#define SKIN 0.03
-
-/* A diffusion that needs shorter sub-steps than this share of those at rest is a state that ran away; the
- * same share as for the speed in muscle.c. It also bounds what one step may take. */
-#define RUNAWAY_SHARE 0.01
 
 /* Memory and creation ------------------------------------------------------------------------------------ */
 
@@ -41,21 +34,13 @@ static void *allocate_packs(size_t capacity, size_t size) {
     return packs;
 }
 
-static int fibres_are_parallel(const sphm_body *body) {
-    for (size_t i = 1; i < body->count; ++i)
-        for (size_t d = 0; d < 3; ++d)
-            if ((sphm_real)body->fibres[3 * i + d] != (sphm_real)body->fibres[d])
-                return 0;
-    return 1;
-}
-
 static sphm_status allocate(sphm_backend *b, sphm_context *context) {
     const sphm_model *model = b->model;
     const sphm_status status = sphm_state_create(&b->state, model->body.count, context);
     if (status != SPHM_OK)
         return status;
     const size_t capacity = b->state.capacity;
-    b->packs.oblique = model->fluid.fibre_tension_Pa > 0 && !fibres_are_parallel(&model->body);
+    b->packs.oblique = model->fluid.fibre_tension_Pa > 0 && !sphm_fluid_fibres_are_parallel(&model->body);
     b->blocks = sphm_block_count(b->state.count);
     b->results = (sphm_block_result *)calloc(b->blocks, sizeof *b->results);
     b->packs.predicted = (sphm_twin *)allocate_packs(capacity, sizeof(sphm_twin));
@@ -93,7 +78,7 @@ static sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the CPU back end");
     b->model = model;
     b->threads = sphm_team_size(model->parameters.threads);
-    b->skin_m = SKIN * model->body.support_radius_m;
+    b->skin_m = SPHM_FLUID_SKIN * model->body.support_radius_m;
     snprintf(b->device, sizeof b->device, "cpu, %d thread%s", b->threads, b->threads == 1 ? "" : "s");
     sphm_status status = allocate(b, context);
     if (status == SPHM_OK) {
@@ -135,17 +120,6 @@ static void run_sweep(sphm_backend *b, sweep which, double step_s) {
     }
 }
 
-/* Particles that nearly coincide make weights, and with them the number of sub-steps, as large as one likes.
- */
-static sphm_status refuse_clumps(const sphm_backend *b, sphm_context *context) {
-    if (b->diffusion.stable_step_ms >= RUNAWAY_SHARE * b->rest_diffusion_ms)
-        return SPHM_OK;
-    return sphm_fail(context, SPHM_FAILED_NONFINITE,
-                     "the state ran away at %.6g s: particles are so close to one another that the diffusion "
-                     "may take sub-steps of %.3g ms only instead of %.3g ms",
-                     b->state.time_s, b->diffusion.stable_step_ms, b->rest_diffusion_ms);
-}
-
 /* Everything up to the forces sees the same positions. */
 static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *drive, sphm_context *context) {
     sphm_timing *t = &b->timing;
@@ -156,7 +130,8 @@ static sphm_status step_once(sphm_backend *b, double step_s, const sphm_drive *d
     if (status != SPHM_OK)
         return sphm_fail(context, SPHM_FAILED_BACKEND, "no memory for the neighbour rows at %g s",
                          b->state.time_s);
-    if (refuse_clumps(b, context) != SPHM_OK)
+    if (sphm_fluid_refuse_clumps(b->diffusion.stable_step_ms, b->rest_diffusion_ms, b->state.time_s,
+                                 context) != SPHM_OK)
         return SPHM_FAILED_NONFINITE;
     clock_lap(&lap, &t->neighbours_s);
     sphm_cpu_predict(b, step_s, drive);
@@ -223,20 +198,7 @@ static sphm_status restore(sphm_backend *b, const sphm_state *from, sphm_context
 }
 
 static sphm_time_step_limits limits(const sphm_backend *b) {
-    const sphm_fluid_constants *c = &b->model->fluid;
-    const double h = (double)c->support_radius_m;
-    /* Sound: pressure, and the longitudinal waves of the pair clusters with modulus 3 G. */
-    const double sound =
-        sqrt((double)c->stiffness_m2_per_s2 + 3 * (double)c->pair_matching_Pa / (double)c->density_kg_per_m3);
-    sphm_time_step_limits l;
-    l.courant = b->speed_max_m_per_s > 0 ? 0.4 * b->model->body.spacing_m / b->speed_max_m_per_s : INFINITY;
-    l.acoustic = 0.4 * h / sound;
-    l.viscous =
-        c->viscosity_Pa_s > 0 ? 0.06 * h * h * b->rest_density_min / (double)c->viscosity_Pa_s : INFINITY;
-    l.diffusion = INFINITY; /* the membrane divides a step as its diffusion needs it */
-    l.shape_matching = c->shape_matching_rad_per_s > 0 ? 1 / (double)c->shape_matching_rad_per_s : INFINITY;
-    l.smallest = fmin(fmin(l.courant, l.acoustic), fmin(l.viscous, l.shape_matching));
-    return l;
+    return sphm_fluid_limits(b->model, b->speed_max_m_per_s, b->rest_density_min);
 }
 
 static size_t memory_bytes(const sphm_backend *b) {

@@ -7,21 +7,17 @@
 #include "cpu/fluid.h"
 #include "cpu/grid.h"
 #include "cpu/neighbours.h"
+#include "kernels/fluid_motion.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* The motion that carries the rest shape best: x = rotation (X - rest_centre) + centre. */
-typedef struct sphm_rigid_motion {
-    double rotation[9], centre[3], rest_centre[3];
-} sphm_rigid_motion;
-
 /* What one block of particles hands to a reduction. */
 typedef struct sphm_block_result {
-    double moment[9], sum[3], rest_sum[3]; /* shape matching */
-    size_t pulled[SPHM_MAX_FORCES];        /* particles within reach of each point force */
-    double moved2, speed2;                 /* largest since the rows were built (m2), largest speed squared */
+    double sums[SPHM_MOMENT_SUMS];  /* shape matching */
+    size_t pulled[SPHM_MAX_FORCES]; /* particles within reach of each point force */
+    double moved2, speed2;          /* largest since the rows were built (m2), largest speed squared */
     int nonfinite;
 } sphm_block_result;
 

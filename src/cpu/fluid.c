@@ -5,37 +5,30 @@
  * every difference vanishes, only the density has to leave the padding out. */
 #include "cpu/fluid.h"
 
-#include <math.h>
+#include <string.h>
 
 static const sphm_real one = 1;
 
 void sphm_fluid_sweep_velocity(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
                                sphm_fluid_packs *packs, sphm_state *state, double step_s, size_t begin,
                                size_t end) {
-    const double h = (double)constants->support_radius_m;
-    const sphm_real unit = (sphm_real)((double)constants->mass_kg * sphm_poly6_factor(h));  /* m W(0) */
-    const sphm_real mixing = (sphm_real)(-expm1(-step_s / (double)constants->xsph_time_s)); /* epsilon */
+    const sphm_real unit = sphm_smooth_unit(constants), mixing = sphm_smooth_mixing(constants, step_s);
 
     for (size_t i = begin; i < end; ++i) {
         const sphm_pack pi = packs->predicted[i].first, vi = packs->predicted[i].second;
         const int32_t *row = rows->slot + rows->row_start[i];
         const int32_t length = (int32_t)(rows->row_start[i + 1] - rows->row_start[i]);
         const int32_t neighbours = rows->row_count[i];
-        sphm_lanes density = {0}, sx = {0}, sy = {0}, sz = {0};
+        sphm_lanes density = {0};
+        sphm_row_packs sum;
+        memset(&sum, 0, sizeof sum);
         for (int32_t k = 0; k < length; k += SPHM_LANES) {
             const sphm_row_twins other = sphm_row_read_twins(packs->predicted, row + k);
-            const sphm_row_packs p = other.first, v = other.second;
-            const sphm_lanes dx = pi.x - p.x, dy = pi.y - p.y, dz = pi.z - p.z;
-            const sphm_lanes t = sphm_lanes_positive(1 - (dx * dx + dy * dy + dz * dz));
-            const sphm_lanes w = t * t * t; /* sphm_poly6 */
+            const sphm_lanes w = sphm_smooth_pair_lanes(pi, vi, other.first, other.second, &sum);
             density += sphm_lanes_first(w, neighbours - k);
-            const sphm_lanes share = w * sphm_lanes_inverse(pi.w + p.w);
-            sx += share * (v.x - vi.x);
-            sy += share * (v.y - vi.y);
-            sz += share * (v.z - vi.z);
         }
         const sphm_real pull = 2 * unit * mixing;
-        const sphm_pack sums = sphm_lanes_sums(sx, sy, sz, density);
+        const sphm_pack sums = sphm_lanes_sums(sum.x, sum.y, sum.z, density);
         state->density[i] = unit * (one + sums.w);
         sphm_twin *out = &packs->smoothed[i].moving;
         out->first.x = pi.x;
@@ -70,80 +63,36 @@ void sphm_fluid_set_pressure(const sphm_fluid_constants *constants, sphm_fluid_p
     }
 }
 
-/* Factors of the force sweep that do not depend on the particle. */
-typedef struct force_factors {
-    sphm_real pressure, viscosity, tension, pair;
-} force_factors;
-
-static force_factors make_factors(const sphm_fluid_constants *c) {
-    const double h = (double)c->support_radius_m, m = (double)c->mass_kg;
-    const double volume = m / (double)c->density_kg_per_m3;
-    force_factors f;
-    f.pressure = (sphm_real)(m * sphm_spiky_factor(h));
-    f.viscosity = (sphm_real)((double)c->viscosity_Pa_s * m * sphm_viscosity_factor(h));
-    f.tension = (sphm_real)((double)f.pressure * SPHM_TENSION_STIFFNESS);
-    f.pair = (sphm_real)((double)c->pair_matching_Pa * SPHM_PAIR_STIFFNESS * volume * volume /
-                         (m * h * h * h * h));
-    return f;
-}
-
-enum { FLUID_ONLY, PARALLEL_FIBRES, OBLIQUE_FIBRES };
-
-/* Compiled three times: without rest shape, with parallel fibres, with fibres that differ. `t` is
- * (1 - q)+, so that t is sphm_viscosity_laplacian(q) and t t/q sphm_spiky_gradient(q). */
-SPHM_INLINE void force_block(const int kind, const force_factors f, const sphm_neighbours *rows,
+/* Compiled three times: for every kind. */
+SPHM_INLINE void force_block(const int kind, const sphm_force_factors f, const sphm_neighbours *rows,
                              const sphm_fluid_packs *packs, sphm_state *state, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
-        const sphm_quad *own = &packs->smoothed[i];
-        const sphm_pack pi = own->moving.first, vi = own->moving.second, ri = own->third;
-        const sphm_real fx = state->fibre_x[i], fy = state->fibre_y[i], fz = state->fibre_z[i];
-        sphm_pack ti;
-        ti.x = ti.y = ti.z = ti.w = 0;
-        if (kind == OBLIQUE_FIBRES)
-            ti = own->fourth;
+        const sphm_quad *line = &packs->smoothed[i];
+        sphm_force_own own;
+        own.p = line->moving.first;
+        own.v = line->moving.second;
+        own.r = line->third;
+        own.tension = line->fourth;
+        own.fibre.x = state->fibre_x[i];
+        own.fibre.y = state->fibre_y[i];
+        own.fibre.z = state->fibre_z[i];
+        own.fibre.w = 0;
+        own.pressure = f.pressure * own.v.w;
+        own.viscosity = f.viscosity * own.v.w;
         const int32_t *row = rows->slot + rows->row_start[i];
         const size_t length = rows->row_start[i + 1] - rows->row_start[i];
-        const sphm_real pressure = f.pressure * vi.w, viscosity = f.viscosity * vi.w;
-        sphm_lanes ax = {0}, ay = {0}, az = {0};
+        sphm_row_packs sum, tension;
+        memset(&sum, 0, sizeof sum);
+        memset(&tension, 0, sizeof tension);
         for (size_t k = 0; k < length; k += SPHM_LANES) {
             sphm_row_twins moving;
-            sphm_row_packs r;
-            sphm_row_read_quads(packs->smoothed, row + k, &moving, &r);
-            const sphm_row_packs p = moving.first, v = moving.second;
-            const sphm_lanes dx = pi.x - p.x, dy = pi.y - p.y, dz = pi.z - p.z;
-            const sphm_lanes q2 = dx * dx + dy * dy + dz * dz + SPHM_TINY;
-            const sphm_lanes inverse_q = sphm_lanes_inverse_sqrt(q2), gap = 1 - q2 * inverse_q;
-            const sphm_lanes t = sphm_lanes_positive(gap), share = t * v.w;
-            const sphm_lanes drag = viscosity * share;
-            sphm_lanes push = pressure * share * (pi.w + p.w) * t;
-            if (kind != FLUID_ONLY) {
-                const sphm_lanes ex = ri.x - r.x, ey = ri.y - r.y, ez = ri.z - r.z;
-                const sphm_lanes e2 = ex * ex + ey * ey + ez * ez + SPHM_TINY;
-                const sphm_lanes inverse_e = sphm_lanes_inverse_sqrt(e2), rest_gap = 1 - e2 * inverse_e;
-                const sphm_lanes rest_t = sphm_lanes_positive(rest_gap);
-                /* q - e, from 1 - q and 1 - e: made alike, they are equal to the bit at rest, whatever
-                 * products and differences the compiler fuses. Written as q - e only one of the two was
-                 * rounded. */
-                sphm_lanes pull = f.pair * (rest_gap - gap);
-                if (kind == PARALLEL_FIBRES) {
-                    const sphm_lanes cosine = (fx * ex + fy * ey + fz * ez) * inverse_e;
-                    pull += f.tension * (ri.w + r.w) * (5 * cosine * cosine - 1); /* sphm_fibre_pull */
-                } else {
-                    const sphm_row_packs other_tension = sphm_row_read_fourth(packs->smoothed, row + k);
-                    const sphm_lanes mine = ti.x * ex + ti.y * ey + ti.z * ez;
-                    const sphm_lanes other =
-                        other_tension.x * ex + other_tension.y * ey + other_tension.z * ez;
-                    pull += f.tension *
-                            (5 * (mine * mine + other * other) * inverse_e * inverse_e - (ri.w + r.w));
-                }
-                push -= rest_t * rest_t * inverse_e * pull;
-            }
-            push *= inverse_q;
-            ax += push * dx + drag * (v.x - vi.x);
-            ay += push * dy + drag * (v.y - vi.y);
-            az += push * dz + drag * (v.z - vi.z);
+            sphm_row_packs rest;
+            sphm_row_read_quads(packs->smoothed, row + k, &moving, &rest);
+            if (kind == SPHM_FORCE_OBLIQUE_FIBRES)
+                tension = sphm_row_read_fourth(packs->smoothed, row + k);
+            sphm_force_pair_lanes(kind, f, own, moving.first, moving.second, rest, tension, &sum);
         }
-        const sphm_pack sums = sphm_lanes_sums(ax, ay, az, ax);
+        const sphm_pack sums = sphm_lanes_sums(sum.x, sum.y, sum.z, sum.x);
         state->ax[i] = sums.x;
         state->ay[i] = sums.y;
         state->az[i] = sums.z;
@@ -152,11 +101,15 @@ SPHM_INLINE void force_block(const int kind, const force_factors f, const sphm_n
 
 void sphm_fluid_sweep_forces(const sphm_fluid_constants *constants, const sphm_neighbours *rows,
                              const sphm_fluid_packs *packs, sphm_state *state, size_t begin, size_t end) {
-    const force_factors f = make_factors(constants);
-    if (!(constants->pair_matching_Pa > 0) && !(constants->fibre_tension_Pa > 0))
-        force_block(FLUID_ONLY, f, rows, packs, state, begin, end);
-    else if (!packs->oblique)
-        force_block(PARALLEL_FIBRES, f, rows, packs, state, begin, end);
-    else
-        force_block(OBLIQUE_FIBRES, f, rows, packs, state, begin, end);
+    const sphm_force_factors f = sphm_force_factors_of(constants);
+    switch (sphm_force_kind(constants, packs->oblique)) {
+    case SPHM_FORCE_FLUID_ONLY:
+        force_block(SPHM_FORCE_FLUID_ONLY, f, rows, packs, state, begin, end);
+        break;
+    case SPHM_FORCE_PARALLEL_FIBRES:
+        force_block(SPHM_FORCE_PARALLEL_FIBRES, f, rows, packs, state, begin, end);
+        break;
+    default:
+        force_block(SPHM_FORCE_OBLIQUE_FIBRES, f, rows, packs, state, begin, end);
+    }
 }

@@ -7,7 +7,7 @@
 #ifndef SPHM_CPU_GRID_H
 #define SPHM_CPU_GRID_H
 
-#include "sph_muscle/types.h"
+#include "kernels/cells.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,15 +15,11 @@ extern "C" {
 
 typedef struct sphm_grid {
     size_t particles; /* capacity of `cell` and `order` */
-    size_t cells;     /* in use */
     size_t capacity;  /* of `start`, in cells */
-    int axis[3];      /* slow, middle and fast axis: a permutation of 0, 1, 2 */
-    int size[3];      /* cells along these axes */
-    double lower[3];  /* of the box, along these axes */
-    double edge;      /* of a cell; at least what was asked for */
-    int32_t *start;   /* [cells + 1], first slot of each cell */
-    int32_t *cell;    /* [particles], scratch: cell by id */
-    int32_t *order;   /* [particles], the slot each new slot is taken from */
+    sphm_cells cells;
+    int32_t *start; /* [cells.count + 1], first slot of each cell */
+    int32_t *cell;  /* [particles], scratch: cell by id */
+    int32_t *order; /* [particles], the slot each new slot is taken from */
 } sphm_grid;
 
 /* A zeroed grid is an empty one. */

@@ -1,8 +1,8 @@
 /* Leap-frog (8), fibre steering, attachments; and the watch over what came out of a step. Reads pack smoothed
  * and the acceleration; writes position and velocity. */
 #include <math.h>
-#include <stdio.h>
 
+#include "core/fluid_watch.h"
 #include "cpu/backend.h"
 #include "cpu/parallel.h"
 
@@ -56,7 +56,6 @@ static void kick_block(sphm_state *s, const sphm_quad *packs, sphm_real step, si
     }
 }
 
-/* Fibres are at rest's in the state, and turn with the muscle as a whole. */
 static void steer_block(sphm_state *s, const double rotation[9], sphm_real beta, size_t begin, size_t end) {
     sphm_real r[9];
     for (int k = 0; k < 9; ++k)
@@ -64,8 +63,7 @@ static void steer_block(sphm_state *s, const double rotation[9], sphm_real beta,
 #pragma omp simd
     for (size_t i = begin; i < end; ++i) {
         const sphm_real x = s->fibre_x[i], y = s->fibre_y[i], z = s->fibre_z[i];
-        sphm_fibre_steer(beta, r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z,
-                         r[6] * x + r[7] * y + r[8] * z, &s->vx[i], &s->vy[i], &s->vz[i]);
+        sphm_fluid_steer(beta, r, x, y, z, &s->vx[i], &s->vy[i], &s->vz[i]);
     }
 }
 
@@ -104,49 +102,36 @@ void sphm_cpu_measure_motion(sphm_backend *b) {
     (void)collect(b);
 }
 
-static int finite3(sphm_real x, sphm_real y, sphm_real z) {
-    return isfinite(x) && isfinite(y) && isfinite(z);
-}
-
-/* What each stage wrote, in the order of the stages. */
-static const char *bad_stage(const sphm_backend *b, size_t i) {
+static int bad_stage(const sphm_backend *b, size_t i) {
     const sphm_state *s = &b->state;
     const sphm_twin *p = &b->packs.predicted[i], *after = &b->packs.smoothed[i].moving;
-    if (!finite3(p->first.x, p->first.y, p->first.z))
-        return "0position";
-    if (!finite3(p->second.x, p->second.y, p->second.z))
-        return "1prediction and shape matching";
-    if (!finite3(after->second.x, after->second.y, after->second.z))
-        return "2XSPH";
-    if (!isfinite(s->density[i]))
-        return "3density";
-    if (!isfinite(s->pressure[i]) || !isfinite(after->second.w))
-        return "4pressure";
-    if (!finite3(s->ax[i], s->ay[i], s->az[i]))
-        return "5forces";
-    if (!finite3(s->membrane_potential[i], s->recovery[i], s->activation[i]))
-        return "6membrane";
-    if (!finite3(s->vx[i], s->vy[i], s->vz[i]) || !finite3(s->x[i], s->y[i], s->z[i]))
-        return "7integration";
-    return NULL;
+    const sphm_fluid_outcome o = {{p->first.x, p->first.y, p->first.z},
+                                  {p->second.x, p->second.y, p->second.z},
+                                  {after->second.x, after->second.y, after->second.z},
+                                  s->density[i],
+                                  s->pressure[i],
+                                  after->second.w,
+                                  {s->ax[i], s->ay[i], s->az[i]},
+                                  {s->membrane_potential[i], s->recovery[i], s->activation[i]},
+                                  {s->vx[i], s->vy[i], s->vz[i]},
+                                  {s->x[i], s->y[i], s->z[i]}};
+    return sphm_fluid_bad_stage(&o);
 }
 
 void sphm_cpu_name_nonfinite(const sphm_backend *b, char *text, size_t size) {
-    const char *stage = NULL;
+    int stage = SPHM_FLUID_FINITE;
     int32_t particle = -1;
     size_t bad = 0;
     for (size_t i = 0; i < b->state.count; ++i) {
-        const char *found = bad_stage(b, i);
-        if (!found)
+        const int found = bad_stage(b, i);
+        if (found == SPHM_FLUID_FINITE)
             continue;
         ++bad;
         const int32_t id = b->state.id[i];
-        if (!stage || found[0] < stage[0] || (found[0] == stage[0] && id < particle)) {
+        if (found < stage || (found == stage && id < particle)) {
             stage = found;
             particle = id;
         }
     }
-    snprintf(text, size, "particle %d in stage '%s' at %.6g s (step %llu), %zu particles in all",
-             (int)particle, stage ? stage + 1 : "unknown", b->state.time_s,
-             (unsigned long long)b->state.steps, bad);
+    sphm_fluid_describe_nonfinite(particle, stage, b->state.time_s, b->state.steps, bad, text, size);
 }

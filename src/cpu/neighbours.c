@@ -5,7 +5,6 @@
 #ifdef __AVX512F__
 #include <immintrin.h>
 #endif
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,13 +26,8 @@ void sphm_neighbours_free(sphm_neighbours *rows) {
     memset(rows, 0, sizeof *rows);
 }
 
-static int clamp_cell(const sphm_grid *grid, int d, int index) {
-    return index < 0 ? 0 : index < grid->size[d] ? index : grid->size[d] - 1;
-}
-
 static int cell_of(const search *s, int d, size_t slot) {
-    const sphm_grid *grid = s->grid;
-    return clamp_cell(grid, d, (int)(((double)s->position[d][slot] - grid->lower[d]) / grid->edge));
+    return sphm_cells_coordinate(&s->grid->cells, d, (double)s->position[d][slot]);
 }
 
 #if defined(__AVX512F__) && !defined(SPH_MUSCLE_DOUBLE)
@@ -103,18 +97,18 @@ static int32_t count_run(const search *s, size_t slot, int32_t begin, int32_t en
 /* Visits the runs of slots around a particle in ascending order; cells of a line along the fast axis are one
  * run. With row == NULL counts, itself included; else appends and returns how many. */
 static int32_t visit(const search *s, size_t slot, int32_t *row) {
-    const sphm_grid *grid = s->grid;
+    const sphm_cells *cells = &s->grid->cells;
     const int slow = cell_of(s, 0, slot), middle = cell_of(s, 1, slot), fast = cell_of(s, 2, slot);
-    const int fast_low = clamp_cell(grid, 2, fast - s->reach),
-              fast_high = clamp_cell(grid, 2, fast + s->reach);
+    const int fast_low = sphm_cells_clamp(cells, 2, fast - s->reach),
+              fast_high = sphm_cells_clamp(cells, 2, fast + s->reach);
     int32_t count = 0;
     int32_t *end = row;
-    for (int a = clamp_cell(grid, 0, slow - s->reach); a <= clamp_cell(grid, 0, slow + s->reach); ++a)
-        for (int b = clamp_cell(grid, 1, middle - s->reach); b <= clamp_cell(grid, 1, middle + s->reach);
-             ++b) {
-            const size_t line = ((size_t)a * (size_t)grid->size[1] + (size_t)b) * (size_t)grid->size[2];
-            const int32_t first = grid->start[line + (size_t)fast_low];
-            const int32_t last = grid->start[line + (size_t)fast_high + 1];
+    for (int a = sphm_cells_clamp(cells, 0, slow - s->reach);
+         a <= sphm_cells_clamp(cells, 0, slow + s->reach); ++a)
+        for (int b = sphm_cells_clamp(cells, 1, middle - s->reach);
+             b <= sphm_cells_clamp(cells, 1, middle + s->reach); ++b) {
+            const int32_t first = s->grid->start[sphm_cells_index(cells, a, b, fast_low)];
+            const int32_t last = s->grid->start[sphm_cells_index(cells, a, b, fast_high) + 1];
             if (row)
                 end = append_run(s, slot, first, last, end);
             else
@@ -202,9 +196,9 @@ sphm_status sphm_neighbours_build(sphm_neighbours *rows, const sphm_grid *grid, 
     s.y = y;
     s.z = z;
     for (int d = 0; d < 3; ++d)
-        s.position[d] = position[grid->axis[d]];
+        s.position[d] = position[grid->cells.axis[d]];
     s.radius_squared = (sphm_real)(radius_m * radius_m);
-    s.reach = (int)ceil(radius_m / grid->edge);
+    s.reach = sphm_cells_reach(&grid->cells, radius_m);
 
     sphm_status status = reserve_rows(rows, count, context);
     if (status != SPHM_OK)

@@ -17,7 +17,7 @@
 #endif
 
 #include "core/neighbours.h"
-#include "kernels/smoothing.h"
+#include "kernels/pairs.h"
 
 #ifdef __GNUC__
 #pragma GCC diagnostic ignored "-Wpsabi" /* everything here is inlined: no such vector is ever passed */
@@ -25,19 +25,6 @@
 
 #define SPHM_LANES SPHM_ROW_ALIGN
 #define SPHM_INLINE static inline __attribute__((always_inline))
-
-typedef struct sphm_pack {
-    sphm_real x, y, z, w;
-} sphm_pack;
-
-/* Packs that are read together lie side by side: one address, one cache line. */
-typedef struct sphm_twin {
-    sphm_pack first, second;
-} sphm_twin;
-typedef struct sphm_quad {
-    sphm_twin moving;
-    sphm_pack third, fourth;
-} sphm_quad;
 
 /* One value for each of 16 entries of a row. */
 typedef sphm_real sphm_lanes __attribute__((vector_size(SPHM_LANES * sizeof(sphm_real))));
@@ -292,5 +279,14 @@ SPHM_INLINE sphm_pack sphm_lanes_sums(sphm_lanes a, sphm_lanes b, sphm_lanes c, 
 }
 
 #endif
+
+/* kernels/pairs.inc for 16 entries at a time: sphm_smooth_pair_lanes() and so on. */
+#define NUMBER sphm_lanes
+#define PACK sphm_row_packs
+#define NAMED(name) name##_lanes
+#define POSITIVE(a) sphm_lanes_positive(a)
+#define INVERSE(a) sphm_lanes_inverse(a)
+#define INVERSE_SQRT(a) sphm_lanes_inverse_sqrt(a)
+#include "kernels/pairs.inc"
 
 #endif

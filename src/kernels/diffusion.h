@@ -31,6 +31,16 @@ SPHM_FN sphm_real sphm_square_root(sphm_real x) {
 /* 48/pi, the common factor of both g^ once Vol/h3 is taken out. */
 #define SPHM_PAIR_FACTOR ((sphm_real)15.278874536821951)
 
+/* The factor of both g^. */
+SPHM_FN sphm_real sphm_pair_factor(double volume_m3, double h) {
+    return SPHM_PAIR_FACTOR * (sphm_real)(volume_m3 / (h * h * h));
+}
+
+/* D^ of D in mm2/ms: 1/ms. */
+SPHM_FN double sphm_diffusion_in_h(double mm2_per_ms, double h) {
+    return mm2_per_ms / (h * 1e3 * (h * 1e3));
+}
+
 /* g^ over SPHM_PAIR_FACTOR Vol/h3 at r^2/h^2, Brookshaw's form; 0 at distance 0 (the padding of the rows) and
  * from h on. inverse_r is 1/r^, or anything finite at distance 0. */
 SPHM_FN sphm_real sphm_pair_gradient(sphm_real r, sphm_real inverse_r) {
