@@ -8,11 +8,17 @@
 #include "core/backend.h"
 #include "cuda/check.h"
 #include "cuda/device.h"
+#include "cuda/fluid_backend.h"
+#include "cuda/fluid_launch.h"
 #include "cuda/look_launch.h"
 #include "cuda/solid_backend.h"
 #include "cuda/solid_launch.h"
+#include "cuda/sort.h"
 
-enum { MOST_ALLOCATIONS = 4 };
+enum { MOST_ALLOCATIONS = 4, MOST_LAUNCHES = 64 };
+static_assert((int)SPHM_SOLID_LAUNCHES <= (int)MOST_LAUNCHES &&
+                  (int)SPHM_FLUID_LAUNCHES <= (int)MOST_LAUNCHES,
+              "times of all launches");
 
 struct sphm_device {
     int index;
@@ -22,7 +28,7 @@ struct sphm_device {
     cudaEvent_t there, marked; /* what is looked at is there; the look is finished */
     cudaGraphExec_t graph;     /* what was kept; null: nothing */
     cudaEvent_t begin, end;    /* null: launches are not timed */
-    double launch_s[SPHM_SOLID_LAUNCHES];
+    double launch_s[MOST_LAUNCHES];
     int memory_count, host_memory_count;
     void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
 };
@@ -154,28 +160,59 @@ sphm_status download(sphm_device *device, void *to, const void *from, size_t byt
     return copy(device, to, from, bytes, cudaMemcpyDeviceToHost, context);
 }
 
+/* Nobody can be told what fails here; the next call will say it. */
+void release(sphm_device *device, void *memory) {
+    for (int k = 0; k < device->memory_count; ++k)
+        if (device->memory[k] == memory) {
+            (void)cudaSetDevice(device->index);
+            (void)cudaStreamSynchronize(device->stream);
+            (void)cudaFree(memory);
+            device->memory[k] = device->memory[--device->memory_count];
+            return;
+        }
+}
+
 /* Waits for it: what is measured is this launch alone, with the device idle before and after. */
-sphm_status launch_timed(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
-                         sphm_context *context) {
+template <class Launch>
+sphm_status launch_timed(sphm_device *device, int which, Launch launch, sphm_context *context) {
     float elapsed_ms = 0;
     TRY(cudaEventRecord(device->begin, device->stream), "record an event");
-    const sphm_status status = sphm_cuda_launch_solid(device->stream, solid, call, context);
+    const sphm_status status = launch();
     if (status != SPHM_OK)
         return status;
     TRY(cudaEventRecord(device->end, device->stream), "record an event");
     TRY(cudaStreamSynchronize(device->stream), "finish a launch");
     TRY(cudaEventElapsedTime(&elapsed_ms, device->begin, device->end), "time a launch");
-    device->launch_s[call->launch] += 1e-3 * (double)elapsed_ms;
+    device->launch_s[which] += 1e-3 * (double)elapsed_ms;
     return SPHM_OK;
+}
+
+template <class Launch>
+sphm_status launch_any(sphm_device *device, int which, Launch launch, sphm_context *context) {
+    const sphm_status status = use(device, context);
+    if (status != SPHM_OK)
+        return status;
+    return device->end ? launch_timed(device, which, launch, context) : launch();
 }
 
 sphm_status launch(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
                    sphm_context *context) {
+    return launch_any(
+        device, call->launch, [&] { return sphm_cuda_launch_solid(device->stream, solid, call, context); },
+        context);
+}
+
+sphm_status launch_fluid(sphm_device *device, const sphm_fluid_device *fluid, const sphm_fluid_call *call,
+                         sphm_context *context) {
+    return launch_any(
+        device, call->launch, [&] { return sphm_cuda_launch_fluid(device->stream, fluid, call, context); },
+        context);
+}
+
+sphm_status fluid_scratch(sphm_device *device, const sphm_fluid_device *fluid, size_t *bytes,
+                          sphm_context *context) {
     const sphm_status status = use(device, context);
-    if (status != SPHM_OK)
-        return status;
-    return device->end ? launch_timed(device, solid, call, context)
-                       : sphm_cuda_launch_solid(device->stream, solid, call, context);
+    return status == SPHM_OK ? sphm_cuda_scratch(fluid, bytes, context) : status;
 }
 
 const double *launch_times(const sphm_device *device) {
@@ -264,12 +301,23 @@ sphm_status marked(sphm_device *device, int wait, int *done, sphm_context *conte
     return SPHM_OK;
 }
 
-const sphm_device_ops device_ops = {open,     close,      name,        allocate, allocate_host, upload,
-                                    download, launch,     record,      keep,     play,          launch_times,
-                                    wait,     look_after, launch_look, bring,    mark,          marked};
+const sphm_device_ops device_ops = {open,   close,    name,         allocate,     allocate_host, release,
+                                    upload, download, launch,       launch_fluid, fluid_scratch, record,
+                                    keep,   play,     launch_times, wait,         look_after,    launch_look,
+                                    bring,  mark,     marked};
 
 sphm_status create_solid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);
+}
+
+sphm_status create_fluid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
+    return sphm_device_fluid_create(&device_ops, model, backend, context);
+}
+
+sphm_backend_ops make_fluid_backend() {
+    sphm_backend_ops ops = sphm_device_fluid_backend;
+    ops.create = create_fluid;
+    return ops;
 }
 
 sphm_backend_ops make_solid_backend() {
@@ -282,5 +330,10 @@ sphm_backend_ops make_solid_backend() {
 
 extern "C" const sphm_backend_ops *sphm_cuda_solid_backend(void) {
     static const sphm_backend_ops ops = make_solid_backend();
+    return &ops;
+}
+
+extern "C" const sphm_backend_ops *sphm_cuda_fluid_backend(void) {
+    static const sphm_backend_ops ops = make_fluid_backend();
     return &ops;
 }

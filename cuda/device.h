@@ -9,6 +9,7 @@
 #ifndef SPHM_CUDA_DEVICE_H
 #define SPHM_CUDA_DEVICE_H
 
+#include "cuda/fluid_layout.h"
 #include "cuda/look_layout.h"
 #include "cuda/solid_layout.h"
 
@@ -30,6 +31,9 @@ typedef struct sphm_device_ops {
     sphm_status (*allocate)(sphm_device *device, size_t bytes, void **memory, sphm_context *context);
     sphm_status (*allocate_host)(sphm_device *device, size_t bytes, void **memory, sphm_context *context);
 
+    /* Waits, and frees device memory before close() does. */
+    void (*release)(sphm_device *device, void *memory);
+
     /* Copies. Page-locked host memory must not be touched before wait() has returned. */
     sphm_status (*upload)(sphm_device *device, void *to, const void *from, size_t bytes,
                           sphm_context *context);
@@ -37,13 +41,18 @@ typedef struct sphm_device_ops {
                             sphm_context *context);
     sphm_status (*launch)(sphm_device *device, const sphm_solid_device *solid, const sphm_solid_call *call,
                           sphm_context *context);
+    sphm_status (*launch_fluid)(sphm_device *device, const sphm_fluid_device *fluid,
+                                const sphm_fluid_call *call, sphm_context *context);
+    /* Bytes that the fluid's sort needs for fluid->count particles and cells of fluid->key_bits bits. */
+    sphm_status (*fluid_scratch)(sphm_device *device, const sphm_fluid_device *fluid, size_t *bytes,
+                                 sphm_context *context);
     /* What is launched between record() and keep() is kept instead of done; play() does it, any number of
      * times, with one submission. keep() replaces what was kept before. */
     sphm_status (*record)(sphm_device *device, sphm_context *context);
     sphm_status (*keep)(sphm_device *device, sphm_context *context);
     sphm_status (*play)(sphm_device *device, sphm_context *context);
-    /* NULL, or [SPHM_SOLID_LAUNCHES] seconds that each kind of launch has taken: a device that was opened to
-     * time its launches waits for each of them, and is given none to keep. */
+    /* NULL, or [SPHM_SOLID_LAUNCHES] or [SPHM_FLUID_LAUNCHES] seconds that each kind of launch has taken: a
+     * device that was opened to time its launches waits for each of them, and is given none to keep. */
     const double *(*launch_times)(const sphm_device *device);
     /* Until the first stream has done everything; reports what failed on the way. */
     sphm_status (*wait)(sphm_device *device, sphm_context *context);

@@ -6,10 +6,13 @@
 #include "emulated_device.h"
 #include "muscles.h"
 
-#define sphm_cuda_solid_backend shim_solid_backend // the library may have the real one
+#define sphm_cuda_fluid_backend shim_fluid_backend // the library may have the real ones
+#define sphm_cuda_solid_backend shim_solid_backend
 #include "cuda/device.cu"
+#include "cuda/fluid_launch.cu"
 #include "cuda/look_launch.cu"
 #include "cuda/solid_launch.cu"
+#include "cuda/sort.cu"
 
 #include <cmath>
 
@@ -124,6 +127,111 @@ TEST(CudaKernels, LookAsTheThreadsDo) {
         EXPECT_EQ(fields[variant], fields[0]) << variant;
     }
     EXPECT_GT(observations[0].displacement_mean_m, 0);
+}
+
+// The fluid's: rows anew, forces, several diffusions a step, steps in full submissions and less.
+void exercise_fluid(Muscle &muscle, std::vector<double> *numbers) {
+    sphm_backend *backend = muscle.handle->backend;
+    const sphm_backend_ops *ops = muscle.handle->ops;
+    sphm_drive drive{};
+    drive.driven[SPHM_ELECTRODE_ORIGIN] = 1;
+    drive.current_uA_per_mm2[SPHM_ELECTRODE_ORIGIN] = 8000;
+    ASSERT_EQ(ops->step(backend, 33, 2e-4, &drive, &muscle.context), SPHM_OK) << muscle.context.message;
+    drive.force_count = 1;
+    drive.forces[0].radius_m = 0.05;
+    drive.forces[0].force_N[1] = 20;
+    ASSERT_EQ(ops->step(backend, 12, 2e-4, &drive, &muscle.context), SPHM_OK) << muscle.context.message;
+    EXPECT_GE(ops->timing(backend).neighbour_rebuilds, 1u);
+    *numbers = muscle.values();
+    numbers->push_back(ops->limits(backend).smallest);
+    numbers->push_back(ops->limits(backend).courant);
+    numbers->push_back(ops->timing(backend).neighbours_per_particle);
+}
+
+// All three kinds of forces; more than one block in a reduction, and a last one with idle lanes.
+TEST(CudaKernels, DoWhatTheThreadsOfTheFluidDo) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the address sanitizer does not follow fibers";
+#endif
+    const std::vector<Muscle::Settings> kinds = {
+        {{"particles", "300"}, {"reaction_step", "0.05"}},
+        {{"particles", "70"}, {"fibres", "laplace"}, {"anisotropy_ratio", "3"}, {"fibre_steering", "0.2"}},
+        {{"particles", "70"}, {"coupling", "pressure"}, {"pair_matching", "0"}, {"fibre_tension", "0"}}};
+    for (Muscle::Settings all : kinds) {
+        all.insert(all.begin(), {{"tissue", "fluid"}, {"smoothing_ratio", "2.2"}});
+        std::vector<double> expected, found;
+        Muscle emulated_one(all);
+        use(emulated_one, emulated::fluid_ops());
+        exercise_fluid(emulated_one, &expected);
+        ASSERT_NE(emulated_one.count() % 32, 0u);
+        for (const bool backwards : {false, true}) {
+            Muscle shimmed(all);
+            shim::backwards() = backwards;
+            use(shimmed, shim_fluid_backend());
+            shim::now.played = 0;
+            exercise_fluid(shimmed, &found);
+            shim::backwards() = false;
+            EXPECT_GE(shim::now.played, 1);
+            ASSERT_EQ(found.size(), expected.size());
+            for (size_t k = 0; k < found.size(); ++k)
+                ASSERT_EQ(found[k], expected[k]) << "number " << k << ", backwards " << backwards;
+        }
+    }
+    EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u);
+    EXPECT_EQ(shim::now.streams, 0);
+    EXPECT_EQ(shim::now.graphs, 0);
+}
+
+// Every call of the runtime and of CUB fails once, at creation, in a step and when rows are built anew.
+TEST(CudaKernels, EveryCallOfTheFluidIsChecked) {
+    Muscle made({{"tissue", "fluid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
+    const sphm_backend_ops *ops = shim_fluid_backend();
+    sphm_drive drive{};
+    shim::dry() = true;
+    int failed_at_creation = 0, failed_in_step = 0, failed_at_restoration = 0;
+    bool all_answered = false;
+    for (int allowed = 0; !all_answered; ++allowed) {
+        sphm_context context{};
+        sphm_backend *backend = nullptr;
+        shim::now.calls_left = allowed;
+        sphm_status status = ops->create(&made.handle->model, &backend, &context);
+        if (status != SPHM_OK) {
+            ++failed_at_creation;
+            EXPECT_EQ(backend, nullptr);
+        } else {
+            status = ops->step(backend, 32, 2e-5, &drive, &context);
+            // No launch has written a report: it is all zeros, which reads as a failure of the first step.
+            if (status == SPHM_FAILED_NONFINITE) {
+                status = ops->restore(backend, &made.state(), &context);
+                all_answered = status == SPHM_OK;
+                failed_at_restoration += !all_answered;
+            } else {
+                ++failed_in_step;
+            }
+        }
+        if (!all_answered) {
+            const std::string message = context.message;
+            EXPECT_EQ(status, SPHM_FAILED_BACKEND) << allowed;
+            // Restoring looks at what there is first.
+            if (message != "the device has failed before; reset the muscle") {
+                EXPECT_NE(message.find("CUDA could not "), std::string::npos) << allowed << message;
+                EXPECT_NE(message.find("made to fail"), std::string::npos) << allowed << message;
+            }
+            if (backend) {
+                EXPECT_TRUE(std::isnan(ops->view(backend)->x[0])) << allowed;
+            }
+        }
+        shim::now.calls_left = -1;
+        ops->destroy(backend);
+        EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u) << allowed;
+        EXPECT_EQ(shim::now.streams, 0) << allowed;
+        EXPECT_EQ(shim::now.graphs, 0) << allowed;
+        ASSERT_LT(allowed, 2000);
+    }
+    shim::dry() = false;
+    EXPECT_GT(failed_at_creation, 80);
+    EXPECT_GT(failed_in_step, 160);
+    EXPECT_GT(failed_at_restoration, 30);
 }
 
 // Every call of the runtime fails once, at creation and in a step.

@@ -10,6 +10,8 @@
 
 #include <ucontext.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -17,11 +19,12 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <numeric>
 #include <vector>
 
 #include "sph_muscle/types.h"
 
-#define __global__ static
+#define __global__
 #define __device__
 #define __shared__ static
 #define __launch_bounds__(threads)
@@ -30,7 +33,7 @@
 struct shim_index {
     unsigned x = 0;
 };
-inline shim_index blockIdx, threadIdx;
+inline shim_index blockIdx, threadIdx, gridDim;
 
 namespace shim {
 
@@ -128,6 +131,7 @@ inline bool &dry() {
 
 inline void run_grid(unsigned blocks, unsigned threads, std::function<void()> kernel) {
     body = std::move(kernel);
+    gridDim.x = blocks;
     for (unsigned b = 0; b < blocks && !dry(); ++b) {
         blockIdx.x = backwards() ? blocks - 1 - b : b;
         run_block(threads, backwards());
@@ -418,5 +422,51 @@ inline cudaError_t cudaGraphLaunch(cudaGraphExec_t graph, cudaStream_t stream) {
     }
     return error;
 }
+
+// What of CUB is used. A first call without memory says how much is needed.
+namespace cub {
+struct DeviceRadixSort {
+    template <class Key, class Value>
+    static cudaError_t SortPairs(void *scratch, size_t &bytes, const Key *keys, Key *sorted,
+                                 const Value *values, Value *order, int count, int first_bit, int end_bit,
+                                 cudaStream_t stream) {
+        if (!scratch) {
+            bytes = static_cast<size_t>(count);
+            return shim::call();
+        }
+        if (bytes < static_cast<size_t>(count) || first_bit != 0)
+            shim::die("scratch memory is too short, or bits are left out");
+        const cudaError_t error = shim::enqueue(stream, [=] {
+            std::vector<int> places(shim::dry() ? 0 : static_cast<size_t>(count));
+            std::iota(places.begin(), places.end(), 0);
+            std::stable_sort(places.begin(), places.end(), [&](int a, int b) { return keys[a] < keys[b]; });
+            for (size_t k = 0; k < places.size(); ++k) {
+                if (keys[places[k]] >> end_bit)
+                    shim::die("a key has more bits than are looked at");
+                sorted[k] = keys[places[k]];
+                order[k] = values[places[k]];
+            }
+        });
+        return error;
+    }
+};
+struct DeviceScan {
+    template <class Number>
+    static cudaError_t ExclusiveSum(void *scratch, size_t &bytes, const Number *from, Number *to, int count,
+                                    cudaStream_t stream) {
+        if (!scratch) {
+            bytes = 1;
+            return shim::call();
+        }
+        return shim::enqueue(stream, [=] {
+            Number sum = 0;
+            for (int k = 0; k < count && !shim::dry(); ++k) {
+                to[k] = sum;
+                sum += from[k];
+            }
+        });
+    }
+};
+} // namespace cub
 
 #endif

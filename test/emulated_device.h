@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/context.h"
+#include "cuda/fluid_backend.h"
 #include "cuda/look_threads.h"
 #include "cuda/solid_backend.h"
 #include "cuda/solid_threads.h"
@@ -74,6 +75,12 @@ template <size_t numbers, class Lane> void gather(Lane lane, sphm_real sum[numbe
     }
     memcpy(sum, all[0], numbers * sizeof *sum);
 }
+
+} // namespace emulated
+
+#include "emulated_fluid.h"
+
+namespace emulated {
 
 inline void run_particle(const sphm_solid_device &d, const sphm_solid_call &call, size_t i) {
     const sphm_solid_plan *p = &d.submission->plan[call.step];
@@ -213,6 +220,17 @@ inline sphm_status launch(sphm_device *handle, const sphm_solid_device *solid, c
     const sphm_solid_call c = *call;
     return enqueue(handle, context, [=] { run(d, c); });
 }
+inline sphm_status launch_fluid(sphm_device *handle, const sphm_fluid_device *fluid,
+                                const sphm_fluid_call *call, sphm_context *context) {
+    const sphm_fluid_device d = *fluid;
+    const sphm_fluid_call c = *call;
+    return enqueue(handle, context, [=] { run_fluid(d, c); });
+}
+inline sphm_status fluid_scratch(sphm_device *, const sphm_fluid_device *, size_t *bytes,
+                                 sphm_context *context) {
+    *bytes = 1;
+    return request(context);
+}
 inline sphm_status record(sphm_device *handle, sphm_context *context) {
     inside(handle)->kept.clear();
     inside(handle)->recording = true;
@@ -237,6 +255,12 @@ inline const double *launch_times(const sphm_device *) {
 inline void work_off(device *d, size_t end) {
     for (; d->done < end; ++d->done)
         d->queue[d->done]();
+}
+inline void release(sphm_device *handle, void *memory) {
+    std::vector<void *> &all = inside(handle)->memory;
+    work_off(inside(handle), inside(handle)->queue.size());
+    all.erase(std::find(all.begin(), all.end(), memory));
+    free(memory);
 }
 inline sphm_status wait(sphm_device *handle, sphm_context *context) {
     const sphm_status status = request(context);
@@ -289,14 +313,27 @@ inline sphm_status marked(sphm_device *handle, int wait, int *finished, sphm_con
 }
 
 inline const sphm_device_ops device_ops = {
-    open, close, name,         allocate, allocate,   upload,      download, launch, record,
-    keep, play,  launch_times, wait,     look_after, launch_look, bring,    mark,   marked};
+    open,         close,  name,         allocate,      allocate, release, upload,
+    download,     launch, launch_fluid, fluid_scratch, record,   keep,    play,
+    launch_times, wait,   look_after,   launch_look,   bring,    mark,    marked};
 
 inline sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);
 }
 
-// The back end on the emulated device.
+inline sphm_status create_fluid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
+    return sphm_device_fluid_create(&device_ops, model, backend, context);
+}
+
+// The back ends on the emulated device.
+inline const sphm_backend_ops *fluid_ops() {
+    static const sphm_backend_ops ops = [] {
+        sphm_backend_ops o = sphm_device_fluid_backend;
+        o.create = create_fluid;
+        return o;
+    }();
+    return &ops;
+}
 inline const sphm_backend_ops *backend_ops() {
     static const sphm_backend_ops ops = [] {
         sphm_backend_ops o = sphm_device_solid_backend;

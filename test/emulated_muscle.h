@@ -8,13 +8,14 @@
 // A muscle whose back end computes on the emulated device.
 struct Emulated : Muscle {
     explicit Emulated(const Settings &settings) : Muscle(settings) {
+        const bool fluid = handle && sphm_muscle_parameters(handle)->tissue == SPHM_TISSUE_FLUID;
         if (status == SPHM_OK)
-            take();
+            take(fluid ? emulated::fluid_ops() : emulated::backend_ops());
     }
-    void take() {
+    void take(const sphm_backend_ops *ops) {
         handle->ops->destroy(handle->backend);
         handle->backend = nullptr;
-        handle->ops = emulated::backend_ops();
+        handle->ops = ops;
         ASSERT_EQ(handle->ops->create(&handle->model, &handle->backend, &context), SPHM_OK)
             << context.message;
     }

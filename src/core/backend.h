@@ -29,7 +29,8 @@ typedef struct sphm_backend_ops {
     /* `model` is borrowed and outlives the back end. The new back end holds the rest state. */
     sphm_status (*create)(const sphm_model *model, sphm_backend **backend, sphm_context *context);
     void (*destroy)(sphm_backend *backend);
-    /* Takes `count` steps of at most time_step_s under `drive`. Returns SPHM_FAILED_NONFINITE, with particle
+    /* Takes `count` steps of at most time_step_s under `drive`, or fewer, but one at least, where on the way
+     * the limits become too short for them. Returns SPHM_FAILED_NONFINITE, with particle
      * and stage in the message, when a value stops being finite. */
     sphm_status (*step)(sphm_backend *backend, size_t count, double time_step_s, const sphm_drive *drive,
                         sphm_context *context);
@@ -69,6 +70,7 @@ extern const sphm_backend_ops sphm_cpu_backend, sphm_cpu_solid_backend;
 #ifdef SPHM_WITH_CUDA
 /* SPHM_OK when a device answers; else SPHM_REFUSED_UNSUPPORTED and a message that says why none does. */
 sphm_status sphm_cuda_probe(sphm_context *context);
+const sphm_backend_ops *sphm_cuda_fluid_backend(void);
 const sphm_backend_ops *sphm_cuda_solid_backend(void);
 #endif
 

@@ -23,17 +23,8 @@ static sphm_status make_cpu(const sphm_model *model, sphm_chosen_backend *chosen
 
 #ifdef SPHM_WITH_CUDA
 
-/* NULL where the tissue has no CUDA back end. */
 static const sphm_backend_ops *cuda_ops(const sphm_parameters *parameters) {
-    return parameters->tissue == SPHM_TISSUE_SOLID ? sphm_cuda_solid_backend() : NULL;
-}
-
-static sphm_status probe(const sphm_parameters *parameters, sphm_context *context) {
-    const sphm_status status = sphm_cuda_probe(context);
-    if (status != SPHM_OK || cuda_ops(parameters))
-        return status;
-    return sphm_fail(context, SPHM_REFUSED_UNSUPPORTED, "tissue: %s is not computed by CUDA yet",
-                     parameters->tissue == SPHM_TISSUE_SOLID ? "solid" : "fluid");
+    return parameters->tissue == SPHM_TISSUE_SOLID ? sphm_cuda_solid_backend() : sphm_cuda_fluid_backend();
 }
 
 static sphm_status refuse(sphm_status status, const char *why, sphm_context *context) {
@@ -45,12 +36,12 @@ sphm_status sphm_backend_available(const sphm_parameters *parameters, sphm_conte
     memset(&own, 0, sizeof own);
     if (parameters->backend != SPHM_BACKEND_CUDA)
         return SPHM_OK;
-    const sphm_status status = probe(parameters, &own);
+    const sphm_status status = sphm_cuda_probe(&own);
     return status == SPHM_OK ? SPHM_OK : refuse(status, own.message, context);
 }
 
 static sphm_status make_cuda(const sphm_model *model, sphm_chosen_backend *chosen, sphm_context *context) {
-    const sphm_status status = probe(&model->parameters, context);
+    const sphm_status status = sphm_cuda_probe(context);
     return status == SPHM_OK ? make(cuda_ops(&model->parameters), model, chosen, context) : status;
 }
 

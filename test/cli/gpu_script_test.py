@@ -19,7 +19,7 @@ while (($#)); do
     case $1 in --tissue) t=$2 ;; --backend) b=$2 ;; --particles) n=$2 ;; --threads) threads=$2 ;; esac
     [[ $1 == --* ]] && shift; shift
 done
-if [[ $t$b == "$FAKE_REFUSED" ]]; then echo "sph_muscle_bench: tissue: fluid is not computed by CUDA yet" >&2; exit 2; fi
+if [[ $t$b == "$FAKE_REFUSED" ]]; then echo "sph_muscle_bench: Fake has 3 MiB of 4 MiB free, and 5 MiB are needed" >&2; exit 2; fi
 if [[ $t$b$n == "$FAKE_BROKEN" ]]; then echo "sph_muscle_bench: particle 3 is not finite" >&2; exit 1; fi
 us=$((n / 100)); [[ $b == cpu ]] && us=$((400 * us))
 device="cuda: Fake (sm_90)"; [[ $b == cpu ]] && device="cpu, 2 threads"
@@ -104,7 +104,7 @@ class GpuScript(unittest.TestCase):
         code, rows, summary = self.run_script("--most", "20000", refused="fluidcuda")
         self.assertEqual(code, 0)
         self.assertFalse([row for row in rows if row["tissue"] == "fluid" and row["backend"] == "cuda"])
-        self.assertIn("none     fluid cuda 2231: sph_muscle_bench: tissue: fluid is not computed", summary)
+        self.assertIn("none     fluid cuda 2231: sph_muscle_bench: Fake has 3 MiB of 4 MiB free", summary)
 
     def test_ends_without_a_device(self):
         code, rows, summary = self.run_script(parity="77")
