@@ -5,18 +5,12 @@
 #include <string.h>
 
 #include "core/context.h"
-
-#define ALIGNMENT 256
-
-static void *cut(char *memory, size_t bytes, size_t *used) {
-    char *piece = memory ? memory + *used : NULL;
-    *used += (bytes / ALIGNMENT + 1) * ALIGNMENT;
-    return piece;
-}
+#include "cuda/memory.h"
 
 static size_t cut_device(sphm_look_device *d, size_t n, size_t pairs, char *memory) {
     size_t used = 0;
-#define ARRAY(type, name, elements, meaning) d->name = (type *)cut(memory, (elements) * sizeof(type), &used);
+#define ARRAY(type, name, elements, meaning)                                                                 \
+    d->name = (type *)sphm_cut(memory, (elements) * sizeof(type), &used);
 #include "cuda/look_arrays.inc"
 #undef ARRAY
     return used;
@@ -27,10 +21,10 @@ static size_t cut_home(sphm_look *look, char *memory) {
     size_t used = 0;
     for (int k = 0; k < 2; ++k) {
         sphm_look_home *h = &look->home[k];
-        h->result = (sphm_look_result *)cut(memory, sizeof *h->result, &used);
-        h->extra = (double *)cut(memory, look->extra_count * sizeof *h->extra, &used);
-        h->fields = (float *)cut(memory, SPHM_LOOK_FIELDS * n * sizeof *h->fields, &used);
-        h->place = (sphm_real *)cut(memory, 3 * n * sizeof *h->place, &used);
+        h->result = (sphm_look_result *)sphm_cut(memory, sizeof *h->result, &used);
+        h->extra = (double *)sphm_cut(memory, look->extra_count * sizeof *h->extra, &used);
+        h->fields = (float *)sphm_cut(memory, SPHM_LOOK_FIELDS * n * sizeof *h->fields, &used);
+        h->place = (sphm_real *)sphm_cut(memory, 3 * n * sizeof *h->place, &used);
     }
     return used;
 }

@@ -3,20 +3,13 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "cuda/memory.h"
 #include "cuda/solid_inside.h"
-
-#define ALIGNMENT 256
-
-/* The next `bytes` of `memory` (NULL: only counted in *used). */
-static void *cut(char *memory, size_t bytes, size_t *used) {
-    char *piece = memory ? memory + *used : NULL;
-    *used += (bytes / ALIGNMENT + 1) * ALIGNMENT;
-    return piece;
-}
 
 static size_t cut_device(sphm_solid_device *d, size_t n, size_t pairs, size_t held, char *memory) {
     size_t used = 0;
-#define ARRAY(type, name, elements, meaning) d->name = (type *)cut(memory, (elements) * sizeof(type), &used);
+#define ARRAY(type, name, elements, meaning)                                                                 \
+    d->name = (type *)sphm_cut(memory, (elements) * sizeof(type), &used);
 #include "cuda/solid_arrays.inc"
 #undef ARRAY
     return used;
@@ -24,16 +17,16 @@ static size_t cut_device(sphm_solid_device *d, size_t n, size_t pairs, size_t he
 
 static size_t cut_host(sphm_solid_host *h, size_t n, char *memory) {
     size_t used = 0;
-    h->submission = (sphm_solid_submission *)cut(memory, sizeof *h->submission, &used);
-    h->report = (sphm_solid_report *)cut(memory, sizeof *h->report, &used);
-    h->part_sum = (double *)cut(memory, SPHM_SOLID_PART_NUMBERS * sizeof(double), &used);
-    h->motion = (sphm_real *)cut(memory, 8 * n * sizeof(sphm_real), &used);
-    h->potential = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
-    h->recovery = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
-    h->activation = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
-    h->fibre_rate = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
-    h->density = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
-    h->pressure = (sphm_real *)cut(memory, n * sizeof(sphm_real), &used);
+    h->submission = (sphm_solid_submission *)sphm_cut(memory, sizeof *h->submission, &used);
+    h->report = (sphm_solid_report *)sphm_cut(memory, sizeof *h->report, &used);
+    h->part_sum = (double *)sphm_cut(memory, SPHM_SOLID_PART_NUMBERS * sizeof(double), &used);
+    h->motion = (sphm_real *)sphm_cut(memory, 8 * n * sizeof(sphm_real), &used);
+    h->potential = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
+    h->recovery = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
+    h->activation = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
+    h->fibre_rate = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
+    h->density = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
+    h->pressure = (sphm_real *)sphm_cut(memory, n * sizeof(sphm_real), &used);
     return used;
 }
 
