@@ -186,7 +186,10 @@ struct runtime {
     size_t free_bytes = size_t(1) << 30;
     std::map<char *, size_t> device, host; // allocations
     int streams = 0, graphs = 0, events = 0, played = 0, clock_ms = 0;
-    int not_ready = 0; // answers of that kind still to come from cudaEventQuery
+    int not_ready = 0;                   // answers of that kind still to come from cudaEventQuery
+    std::function<void()> while_waiting; // done once, when a stream is next waited for
+    std::vector<shim_stream *> all_streams;
+    bool in_turns = false; // while one stream is waited for, all of them go on, a work each
 };
 inline runtime now;
 
@@ -207,6 +210,8 @@ inline bool within(const std::map<char *, size_t> &memory, const void *from, siz
 }
 
 inline cudaError_t enqueue(cudaStream_t stream, std::function<void()> work) {
+    if (!stream)
+        die("the default stream, for which all others would wait");
     const cudaError_t error = call();
     if (error == cudaSuccess && stream->capturing)
         stream->captured.push_back(std::move(work));
@@ -255,18 +260,31 @@ inline cudaError_t cudaStreamCreateWithPriority(cudaStream_t *stream, unsigned, 
     const cudaError_t error = shim::call();
     if (error == cudaSuccess) {
         *stream = new shim_stream;
+        shim::now.all_streams.push_back(*stream);
         ++shim::now.streams;
     }
     return error;
 }
 inline cudaError_t cudaStreamSynchronize(cudaStream_t stream) {
     const cudaError_t error = shim::call();
-    while (error == cudaSuccess && !stream->queue.empty())
-        stream->run_one();
+    if (shim::now.while_waiting) {
+        const std::function<void()> other = std::move(shim::now.while_waiting);
+        shim::now.while_waiting = nullptr;
+        other();
+    }
+    while (error == cudaSuccess && !stream->queue.empty()) {
+        for (shim_stream *each : shim::now.all_streams)
+            if (shim::now.in_turns && each != stream && !each->queue.empty())
+                each->run_one();
+        if (!stream->queue.empty()) // an event may have been waited for
+            stream->run_one();
+    }
     stream->queue.clear();
     return error;
 }
 inline cudaError_t cudaStreamDestroy(cudaStream_t stream) {
+    std::vector<shim_stream *> &all = shim::now.all_streams;
+    all.erase(std::remove(all.begin(), all.end(), stream), all.end());
     delete stream;
     --shim::now.streams;
     return shim::call();
