@@ -91,6 +91,11 @@ status=$?
 verdict $status "parity with the CPU over 500 steps, determinism, two muscles at once" "$log"
 grep -hE '^skipped|agrees$|DIFFERS$|MORE THAN|NOT FINITE' "$log" | sed 's/^/           /' | tee -a "$summary"
 there=$((status != 77))
+if ((there)); then
+    log=$logs/parity-persistent.log
+    SPH_MUSCLE_PERSISTENT=1 limited 40 "$parity" --steps 100 >"$log" 2>&1
+    verdict $? "the same with one kernel for many steps of the solid" "$log"
+fi
 
 # Small cases under the sanitizer.
 sanitizer=$(command -v compute-sanitizer || ls /usr/local/cuda/compute-sanitizer/compute-sanitizer 2>/dev/null)
@@ -116,15 +121,19 @@ echo "variant,commit,gpu,command" >>"$csv"
 heading=$(printf '%-7s %-9s %10s %6s %12s %14s %10s %12s' tissue where particles neigh. steps/s particle-steps/s RTF step-p99-us)
 line=
 # measure VARIANT TISSUE BACKEND PARTICLES STEPS OPTION...: a row of the CSV and a line of the summary; leaves what the
-# benchmark printed in `line`, or nothing. VARIANT: graph, launches (timed one by one), cpu.
+# benchmark printed in `line`, or nothing. VARIANT: graph, persistent (one kernel for many
+# steps), launches (timed one by one), cpu.
 measure() {
     local variant=$1 tissue=$2 backend=$3 particles=$4 steps=$5 status log row=() column where setting=
     shift 5
     line=
     ((particles <= most)) || return 0
     local command=(sph_muscle_bench --tissue "$tissue" --backend "$backend" --particles "$particles" --steps "$steps" "$@")
-    where=$backend
-    [[ $variant != launches ]] || setting=SPH_MUSCLE_TIME_LAUNCHES=1 where=launches
+    case $variant in
+    persistent) setting=SPH_MUSCLE_PERSISTENT=1 where=persist. ;;
+    launches) setting=SPH_MUSCLE_TIME_LAUNCHES=1 where=launches ;;
+    *) where=$backend ;;
+    esac
     log=$logs/bench-$variant-$tissue-$backend-$particles.log
     line=$(limited 75 env $setting "$bench" "${command[@]:1}" 2>"$log")
     status=$?
@@ -155,6 +164,7 @@ measure_both() { # PARTICLES STEPS
 tell "" "$heading"
 if ((there)); then
     for particles in 2231 4944 9888 18475; do measure_both $particles 6400; done
+    measure persistent solid cuda 18475 6400 --batch 320 --repeat 3 "${support[@]}"
 fi
 # The CPU beside it, all cores, fewer steps.
 measure cpu solid cpu 18475 200 --repeat 3 "${support[@]}"

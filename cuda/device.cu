@@ -29,6 +29,7 @@ struct sphm_device {
     cudaGraphExec_t graph;     /* what was kept; null: nothing */
     cudaEvent_t begin, end;    /* null: launches are not timed */
     double launch_s[MOST_LAUNCHES];
+    int together; /* steps of the solid */
     int memory_count, host_memory_count;
     void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
 };
@@ -86,6 +87,7 @@ sphm_status prepare(sphm_device *device, sphm_context *context) {
     TRY(cudaStreamCreateWithPriority(&device->looking, cudaStreamNonBlocking, least), "make a stream");
     TRY(cudaEventCreateWithFlags(&device->there, cudaEventDisableTiming), "make an event");
     TRY(cudaEventCreateWithFlags(&device->marked, cudaEventDisableTiming), "make an event");
+    device->together = getenv("SPH_MUSCLE_PERSISTENT") != NULL; /* until it is known which is faster */
     if (getenv("SPH_MUSCLE_TIME_LAUNCHES")) { /* bench/gpu.sh; a parameter would be in every muscle's file */
         TRY(cudaEventCreate(&device->begin), "make an event");
         TRY(cudaEventCreate(&device->end), "make an event");
@@ -301,10 +303,14 @@ sphm_status marked(sphm_device *device, int wait, int *done, sphm_context *conte
     return SPHM_OK;
 }
 
+int together(const sphm_device *device) {
+    return device->together;
+}
+
 const sphm_device_ops device_ops = {open,   close,    name,         allocate,     allocate_host, release,
                                     upload, download, launch,       launch_fluid, fluid_scratch, record,
                                     keep,   play,     launch_times, wait,         look_after,    launch_look,
-                                    bring,  mark,     marked};
+                                    bring,  mark,     marked,       together};
 
 sphm_status create_solid(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);

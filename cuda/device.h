@@ -69,6 +69,11 @@ typedef struct sphm_device_ops {
      */
     sphm_status (*mark)(sphm_device *device, sphm_context *context);
     sphm_status (*marked)(sphm_device *device, int wait, int *done, sphm_context *context);
+
+    /* Whether many steps of the solid are to be one launch, whose blocks wait for each other, and not a
+     * graph.
+     */
+    int (*together)(const sphm_device *device);
 } sphm_device_ops;
 
 #ifdef __cplusplus

@@ -26,12 +26,12 @@ template <int numbers> __device__ void add_lanes(sphm_real (&sum)[numbers]) {
     }
 }
 
-/* Sums the rows of the block's particles with lane(particle, lane, sum) and hands them to finish(particle,
- * sum). `count` items; `particle_of` gives an item's particle. */
+/* Sums the rows of the particles of block `block` with lane(particle, lane, sum) and hands them to
+ * finish(particle, sum). `count` items; `particle_of` gives an item's particle. */
 template <int numbers, class ParticleOf, class Lane, class Finish>
-__device__ void gather(size_t count, ParticleOf particle_of, Lane lane, Finish finish) {
+__device__ void gather_of(size_t block, size_t count, ParticleOf particle_of, Lane lane, Finish finish) {
     __shared__ sphm_real sums[block_particles][numbers + 1 - numbers % 2]; /* odd: no bank twice in a warp */
-    const size_t first = (size_t)blockIdx.x * block_particles;
+    const size_t first = block * block_particles;
     const int mine = (int)threadIdx.x / SPHM_DEVICE_LANES, own_lane = (int)threadIdx.x % SPHM_DEVICE_LANES;
     sphm_real sum[numbers] = {};
     if (first + mine < count)
@@ -48,11 +48,17 @@ __device__ void gather(size_t count, ParticleOf particle_of, Lane lane, Finish f
     finish(first + threadIdx.x, sum);
 }
 
+/* The same, a block of the launch each. */
+template <int numbers, class ParticleOf, class Lane, class Finish>
+__device__ void gather(size_t count, ParticleOf particle_of, Lane lane, Finish finish) {
+    gather_of<numbers>(blockIdx.x, count, particle_of, lane, finish);
+}
+
 struct itself {
     __device__ size_t operator()(size_t item) const { return item; }
 };
 
-inline unsigned blocks_of(size_t items, int items_per_block) {
+inline __host__ __device__ unsigned blocks_of(size_t items, int items_per_block) {
     return (unsigned)((items + (size_t)items_per_block - 1) / (size_t)items_per_block);
 }
 

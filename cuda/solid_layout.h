@@ -93,13 +93,15 @@ enum {
     SPHM_SOLID_PART_FORCE,
     SPHM_SOLID_PART_SUM,
     SPHM_SOLID_SNAPSHOT,
+    SPHM_SOLID_STEPS,
     SPHM_SOLID_LAUNCHES
 };
 
 /* One launch. */
 typedef struct sphm_solid_call {
     int launch;                        /* SPHM_SOLID_... */
-    int step;                          /* of the submission; not for parts */
+    int step;                          /* of the submission; steps: how many; not for parts */
+    int launches;                      /* steps: which phases they have, as launches_of() in solid_submit.c */
     int substep;                       /* spread: which diffusion sweep, 0 ... substeps - 2 */
     int with_activation, with_damping; /* part_strain */
     int end;                           /* part_force, part_sum */

@@ -70,6 +70,26 @@ static sphm_status play_steps(sphm_solid_backend *b, int launches, sphm_context 
     return b->ops->play(b->device, context);
 }
 
+/* The same in one launch. */
+static sphm_status launch_together(const sphm_solid_backend *b, int launches, size_t steps,
+                                   sphm_context *context) {
+    sphm_solid_call call;
+    memset(&call, 0, sizeof call);
+    call.launch = SPHM_SOLID_STEPS;
+    call.launches = launches;
+    call.step = (int)steps;
+    const sphm_status status = b->ops->launch(b->device, &b->solid, &call, context);
+    return status == SPHM_OK ? launch(b, SPHM_SOLID_REPORT, 0, 0, context) : status;
+}
+
+static sphm_status do_steps(sphm_solid_backend *b, int launches, size_t steps, sphm_context *context) {
+    if (b->ops->together(b->device))
+        return launch_together(b, launches, steps, context);
+    return steps == SPHM_SUBMISSION_STEPS && !b->ops->launch_times(b->device)
+               ? play_steps(b, launches, context)
+               : launch_steps(b, launches, steps, context);
+}
+
 static void read_report(sphm_solid_backend *b) {
     b->modulus_Pa = 0;
     for (size_t t = 0; t < SPHM_SOLID_PARTIALS; ++t)
@@ -83,9 +103,7 @@ static sphm_status run_submission(sphm_solid_backend *b, int launches, size_t st
         b->ops->upload(b->device, b->solid.submission, h->submission,
                        offsetof(sphm_solid_submission, plan) + steps * sizeof *h->submission->plan, context);
     if (status == SPHM_OK)
-        status = steps == SPHM_SUBMISSION_STEPS && !b->ops->launch_times(b->device)
-                     ? play_steps(b, launches, context)
-                     : launch_steps(b, launches, steps, context);
+        status = do_steps(b, launches, steps, context);
     if (status == SPHM_OK)
         status = b->ops->download(b->device, h->report, b->solid.report, sizeof *h->report, context);
     if (status == SPHM_OK)

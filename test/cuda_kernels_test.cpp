@@ -92,6 +92,36 @@ TEST(CudaKernels, DoWhatTheThreadsDo) {
     EXPECT_EQ(shim::now.events, 0);
 }
 
+// Many steps in one launch, whose blocks wait for each other after every phase: the same bits as launch by
+// launch. Three blocks' worth of particles are shared by two.
+TEST(CudaKernels, DoTheSameTogether) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the address sanitizer does not follow fibers";
+#endif
+    Muscle::Settings all = settings();
+    all.insert(all.end(), {{"mass_scaling", "1000"}, {"reaction_step", "0.2"}});
+    std::vector<double> expected, found;
+    Muscle emulated_one(all);
+    use(emulated_one, emulated::backend_ops());
+    exercise(emulated_one, &expected);
+    ASSERT_GT(emulated_one.count(), 64u);
+    for (const bool backwards : {false, true}) {
+        Muscle shimmed(all);
+        setenv("SPH_MUSCLE_PERSISTENT", "1", 1);
+        use(shimmed, shim_solid_backend());
+        unsetenv("SPH_MUSCLE_PERSISTENT");
+        shim::backwards() = backwards;
+        shim::now.played = shim::now.together = 0;
+        exercise(shimmed, &found);
+        shim::backwards() = false;
+        EXPECT_EQ(shim::now.played, 0);
+        EXPECT_EQ(shim::now.together, 4); // 35 steps are two submissions, 3 and 2 one each
+        ASSERT_EQ(found.size(), expected.size());
+        for (size_t k = 0; k < found.size(); ++k)
+            ASSERT_EQ(found[k], expected[k]) << "number " << k << ", backwards " << backwards;
+    }
+}
+
 // The launches of a look, on their second stream, and the events between the two: the same bits as the
 // emulated device, also when the look is finished only after further steps.
 TEST(CudaKernels, LookAsTheThreadsDo) {
@@ -232,132 +262,132 @@ TEST(CudaKernels, EveryCallOfTheFluidIsChecked) {
     EXPECT_GT(failed_at_creation, 80);
     EXPECT_GT(failed_in_step, 160);
     EXPECT_GT(failed_at_restoration, 30);
-    // While one muscle waits for its submission, another one on the same device submits, computes and looks,
-    // kernel by kernel in turn with the first: both have the bits that they have alone. (The shim knows no
-    // call that waits for the whole device, and the default stream is refused.)
-    TEST(CudaKernels, TwoMusclesTakeTurns) {
+}
+
+// While one muscle waits for its submission, another one on the same device submits, computes and looks,
+// kernel by kernel in turn with the first: both have the bits that they have alone. (The shim knows no call
+// that waits for the whole device, and the default stream is refused.)
+TEST(CudaKernels, TwoMusclesTakeTurns) {
 #ifdef __SANITIZE_ADDRESS__
-        GTEST_SKIP() << "the address sanitizer does not follow fibers";
+    GTEST_SKIP() << "the address sanitizer does not follow fibers";
 #endif
-        const char *const currents[2] = {"origin", "insertion"};
-        std::vector<double> values[2][2];
-        sphm_observation observations[2][2];
-        for (int together = 0; together < 2; ++together) {
-            Muscle first(settings()), second(settings());
-            Muscle *const muscles[2] = {&first, &second};
-            for (int m = 0; m < 2; ++m) {
-                use(*muscles[m], shim_solid_backend());
-                ASSERT_EQ(sphm_muscle_stimulate(muscles[m]->handle, currents[m], 8000, 0, nullptr), SPHM_OK);
-            }
-            const auto go = [&](int m) {
-                sphm_particles p{};
-                muscles[m]->advance(1e-4);
-                ASSERT_EQ(sphm_muscle_glance(muscles[m]->handle, &p, &observations[together][m], nullptr),
-                          SPHM_OK);
-                muscles[m]->advance(1e-4);
-            };
-            int met = 0;
-            if (together) {
-                shim::now.in_turns = true;
-                shim::now.while_waiting = [&] {
-                    for (shim_stream *each : shim::now.all_streams)
-                        met += !each->queue.empty();
-                    go(1);
-                };
-            } else
-                go(1);
-            go(0);
-            shim::now.in_turns = false;
-            EXPECT_EQ(met, together); // the first one's work was waiting when the second one began
-            EXPECT_FALSE(shim::now.while_waiting);
-            for (int m = 0; m < 2; ++m)
-                values[together][m] = muscles[m]->values();
-        }
-        EXPECT_NE(values[0][0], values[0][1]);
+    const char *const currents[2] = {"origin", "insertion"};
+    std::vector<double> values[2][2];
+    sphm_observation observations[2][2];
+    for (int together = 0; together < 2; ++together) {
+        Muscle first(settings()), second(settings());
+        Muscle *const muscles[2] = {&first, &second};
         for (int m = 0; m < 2; ++m) {
-            EXPECT_EQ(values[1][m], values[0][m]) << m;
-            EXPECT_EQ(memcmp(&observations[1][m], &observations[0][m], sizeof observations[0][0]), 0) << m;
+            use(*muscles[m], shim_solid_backend());
+            ASSERT_EQ(sphm_muscle_stimulate(muscles[m]->handle, currents[m], 8000, 0, nullptr), SPHM_OK);
         }
+        const auto go = [&](int m) {
+            sphm_particles p{};
+            muscles[m]->advance(1e-4);
+            ASSERT_EQ(sphm_muscle_glance(muscles[m]->handle, &p, &observations[together][m], nullptr),
+                      SPHM_OK);
+            muscles[m]->advance(1e-4);
+        };
+        int met = 0;
+        if (together) {
+            shim::now.in_turns = true;
+            shim::now.while_waiting = [&] {
+                for (shim_stream *each : shim::now.all_streams)
+                    met += !each->queue.empty();
+                go(1);
+            };
+        } else
+            go(1);
+        go(0);
+        shim::now.in_turns = false;
+        EXPECT_EQ(met, together); // the first one's work was waiting when the second one began
+        EXPECT_FALSE(shim::now.while_waiting);
+        for (int m = 0; m < 2; ++m)
+            values[together][m] = muscles[m]->values();
     }
-
-    // Every call of the runtime fails once, at creation and in a step.
-    TEST(CudaKernels, EveryCallIsChecked) {
-        Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
-        const sphm_backend_ops *ops = shim_solid_backend();
-        sphm_drive drive{};
-        memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
-        shim::dry() = true;
-        int failed_at_creation = 0, failed_in_step = 0;
-        bool all_answered = false;
-        for (int allowed = 0; !all_answered; ++allowed) {
-            sphm_context context{};
-            sphm_backend *backend = nullptr;
-            shim::now.calls_left = allowed;
-            sphm_status status = ops->create(&made.handle->model, &backend, &context);
-            if (status != SPHM_OK) {
-                ++failed_at_creation;
-                EXPECT_EQ(backend, nullptr);
-            } else {
-                status = ops->step(backend, 33, 2e-5, &drive, &context);
-                // No launch has written a report: it is all zeros, which reads as a failure of the first
-                // step.
-                all_answered = status == SPHM_FAILED_NONFINITE;
-                failed_in_step += !all_answered;
-            }
-            if (!all_answered) {
-                EXPECT_EQ(status, SPHM_FAILED_BACKEND) << allowed;
-                EXPECT_NE(std::string(context.message).find("CUDA could not "), std::string::npos) << allowed;
-                EXPECT_NE(std::string(context.message).find("made to fail"), std::string::npos) << allowed;
-                if (backend) {
-                    EXPECT_TRUE(std::isnan(ops->view(backend)->x[0])) << allowed;
-                }
-            }
-            shim::now.calls_left = -1;
-            ops->destroy(backend);
-            EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u) << allowed;
-            EXPECT_EQ(shim::now.streams, 0) << allowed;
-            EXPECT_EQ(shim::now.graphs, 0) << allowed;
-            ASSERT_LT(allowed, 1000);
-        }
-        shim::dry() = false;
-        EXPECT_GT(failed_at_creation, 40);
-        EXPECT_GT(failed_in_step, 130);
+    EXPECT_NE(values[0][0], values[0][1]);
+    for (int m = 0; m < 2; ++m) {
+        EXPECT_EQ(values[1][m], values[0][m]) << m;
+        EXPECT_EQ(memcmp(&observations[1][m], &observations[0][m], sizeof observations[0][0]), 0) << m;
     }
+}
 
-    // Launches one by one, each with its time: the same steps.
-    TEST(CudaKernels, TimesItsLaunches) {
-        Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
-        sphm_drive drive{};
-        memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
-        shim::dry() = true;
-        setenv("SPH_MUSCLE_TIME_LAUNCHES", "1", 1);
-        use(made, shim_solid_backend());
-        unsetenv("SPH_MUSCLE_TIME_LAUNCHES");
-        const sphm_backend_ops *ops = made.handle->ops;
-        ops->reset_timing(made.handle->backend);
-        shim::now.played = 0;
-        (void)ops->step(made.handle->backend, 32, 2e-5, &drive,
-                        nullptr); // nothing runs, so nothing is reported
-        const sphm_timing timing = ops->timing(made.handle->backend);
-        shim::dry() = false;
-        EXPECT_EQ(shim::now.played, 0);
-        EXPECT_EQ(shim::now.events, 4);            // two of them are for looks
-        EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
-        EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
-        EXPECT_EQ(timing.diffusion_s, 0);
-    }
-
-    TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {
-        Muscle made(settings());
+// Every call of the runtime fails once, at creation and in a step.
+TEST(CudaKernels, EveryCallIsChecked) {
+    Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
+    const sphm_backend_ops *ops = shim_solid_backend();
+    sphm_drive drive{};
+    memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
+    shim::dry() = true;
+    int failed_at_creation = 0, failed_in_step = 0;
+    bool all_answered = false;
+    for (int allowed = 0; !all_answered; ++allowed) {
         sphm_context context{};
         sphm_backend *backend = nullptr;
-        shim::now.free_bytes = 1000;
-        EXPECT_EQ(shim_solid_backend()->create(&made.handle->model, &backend, &context), SPHM_REFUSED_MEMORY);
-        shim::now.free_bytes = size_t(1) << 30;
-        EXPECT_EQ(backend, nullptr);
-        EXPECT_NE(std::string(context.message).find("has 0 MiB of 0 MiB free, and 1 MiB are needed"),
-                  std::string::npos)
-            << context.message;
+        shim::now.calls_left = allowed;
+        sphm_status status = ops->create(&made.handle->model, &backend, &context);
+        if (status != SPHM_OK) {
+            ++failed_at_creation;
+            EXPECT_EQ(backend, nullptr);
+        } else {
+            status = ops->step(backend, 33, 2e-5, &drive, &context);
+            // No launch has written a report: it is all zeros, which reads as a failure of the first step.
+            all_answered = status == SPHM_FAILED_NONFINITE;
+            failed_in_step += !all_answered;
+        }
+        if (!all_answered) {
+            EXPECT_EQ(status, SPHM_FAILED_BACKEND) << allowed;
+            EXPECT_NE(std::string(context.message).find("CUDA could not "), std::string::npos) << allowed;
+            EXPECT_NE(std::string(context.message).find("made to fail"), std::string::npos) << allowed;
+            if (backend) {
+                EXPECT_TRUE(std::isnan(ops->view(backend)->x[0])) << allowed;
+            }
+        }
+        shim::now.calls_left = -1;
+        ops->destroy(backend);
+        EXPECT_EQ(shim::now.device.size() + shim::now.host.size(), 0u) << allowed;
+        EXPECT_EQ(shim::now.streams, 0) << allowed;
+        EXPECT_EQ(shim::now.graphs, 0) << allowed;
+        ASSERT_LT(allowed, 1000);
     }
+    shim::dry() = false;
+    EXPECT_GT(failed_at_creation, 40);
+    EXPECT_GT(failed_in_step, 130);
+}
+
+// Launches one by one, each with its time: the same steps.
+TEST(CudaKernels, TimesItsLaunches) {
+    Muscle made({{"tissue", "solid"}, {"particles", "12"}, {"smoothing_ratio", "3"}});
+    sphm_drive drive{};
+    memcpy(drive.ends, made.handle->solid.ends, sizeof drive.ends);
+    shim::dry() = true;
+    setenv("SPH_MUSCLE_TIME_LAUNCHES", "1", 1);
+    use(made, shim_solid_backend());
+    unsetenv("SPH_MUSCLE_TIME_LAUNCHES");
+    const sphm_backend_ops *ops = made.handle->ops;
+    ops->reset_timing(made.handle->backend);
+    shim::now.played = 0;
+    (void)ops->step(made.handle->backend, 32, 2e-5, &drive, nullptr); // nothing runs, so nothing is reported
+    const sphm_timing timing = ops->timing(made.handle->backend);
+    shim::dry() = false;
+    EXPECT_EQ(shim::now.played, 0);
+    EXPECT_EQ(shim::now.events, 4);            // two of them are for looks
+    EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
+    EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
+    EXPECT_EQ(timing.diffusion_s, 0);
+}
+
+TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {
+    Muscle made(settings());
+    sphm_context context{};
+    sphm_backend *backend = nullptr;
+    shim::now.free_bytes = 1000;
+    EXPECT_EQ(shim_solid_backend()->create(&made.handle->model, &backend, &context), SPHM_REFUSED_MEMORY);
+    shim::now.free_bytes = size_t(1) << 30;
+    EXPECT_EQ(backend, nullptr);
+    EXPECT_NE(std::string(context.message).find("has 0 MiB of 0 MiB free, and 1 MiB are needed"),
+              std::string::npos)
+        << context.message;
+}
 
 } // namespace

@@ -19,6 +19,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <vector>
 
@@ -26,6 +27,7 @@
 
 #define __global__
 #define __device__
+#define __host__
 #define __shared__ static
 #define __launch_bounds__(threads)
 #define SPHM_UNROLL
@@ -37,18 +39,20 @@ inline shim_index blockIdx, threadIdx, gridDim;
 
 namespace shim {
 
-enum { WARP = 32, MOST_THREADS = 256, STACK = 256 * 1024 };
-enum sync_kind { NONE, SHUFFLE, BARRIER };
+// MOST_TOGETHER: blocks that are there at once where they wait for each other.
+enum { WARP = 32, MOST_THREADS = 256, MOST_TOGETHER = 2, STACK = 256 * 1024 };
+enum sync_kind { NONE, SHUFFLE, BARRIER, GRID };
 
 struct fiber {
     ucontext_t context;
-    std::vector<char> stack = std::vector<char>(STACK);
+    std::unique_ptr<char[]> stack{new char[STACK]};
     bool done = false;
     sync_kind waits_at = NONE;
     unsigned syncs = 0; // how many it has come to
 };
 
-inline std::vector<fiber> fibers(MOST_THREADS);
+inline std::vector<fiber> all_fibers(MOST_TOGETHER *MOST_THREADS);
+inline fiber *fibers = all_fibers.data(); // of the block that runs
 inline ucontext_t scheduler;
 inline unsigned running;
 inline std::function<void()> body;
@@ -94,20 +98,19 @@ __attribute__((noinline)) inline void prepare(fiber &f) {
     f.done = false;
     f.syncs = 0;
     getcontext(&f.context);
-    f.context.uc_stack.ss_sp = f.stack.data();
-    f.context.uc_stack.ss_size = f.stack.size();
+    f.context.uc_stack.ss_sp = f.stack.get();
+    f.context.uc_stack.ss_size = STACK;
     f.context.uc_link = &scheduler;
     makecontext(&f.context, run_fiber, 0);
 }
 
+// Until every thread of the block has ended or waits for the grid.
 inline void run_block(unsigned threads, bool backwards) {
-    for (unsigned t = 0; t < threads; ++t)
-        prepare(fibers[t]);
     for (bool going = true; going;) {
         going = false;
         for (unsigned k = 0; k < threads; ++k) {
             const unsigned t = backwards ? threads - 1 - k : k;
-            if (fibers[t].done)
+            if (fibers[t].done || fibers[t].waits_at == GRID)
                 continue;
             running = t;
             threadIdx.x = t;
@@ -134,14 +137,48 @@ inline void run_grid(unsigned blocks, unsigned threads, std::function<void()> ke
     gridDim.x = blocks;
     for (unsigned b = 0; b < blocks && !dry(); ++b) {
         blockIdx.x = backwards() ? blocks - 1 - b : b;
+        for (unsigned t = 0; t < threads; ++t)
+            prepare(fibers[t]);
         run_block(threads, backwards());
+        for (unsigned t = 0; t < threads; ++t)
+            if (!fibers[t].done)
+                die("a barrier of the grid in a launch whose blocks are not there at once");
     }
+}
+
+// Blocks that wait for each other: one after the other, from one barrier of the grid to the next. What a
+// block has in shared memory does not survive such a barrier here, for all blocks have the same.
+inline void run_grid_together(unsigned blocks, unsigned threads, std::function<void()> kernel) {
+    body = std::move(kernel);
+    gridDim.x = blocks;
+    for (unsigned k = 0; k < blocks * threads; ++k)
+        prepare(all_fibers[k]);
+    for (bool going = !dry(); going;) {
+        unsigned ended = 0, waiting = 0;
+        for (unsigned b = 0; b < blocks; ++b) {
+            blockIdx.x = backwards() ? blocks - 1 - b : b;
+            fibers = all_fibers.data() + blockIdx.x * threads;
+            run_block(threads, backwards());
+            for (unsigned t = 0; t < threads; ++t)
+                ++(fibers[t].done ? ended : waiting);
+        }
+        if (ended && waiting)
+            die("a thread is missing from a barrier of the grid");
+        for (fiber &f : all_fibers)
+            f.waits_at = NONE;
+        going = waiting > 0;
+    }
+    fibers = all_fibers.data();
 }
 
 } // namespace shim
 
 inline void __syncthreads() {
     shim::come_to(shim::BARRIER);
+}
+
+inline void SPHM_GRID_BARRIER() {
+    shim::come_to(shim::GRID);
 }
 
 // Two buffers: who is first at the next shuffle must not overwrite what others still have to read.
@@ -185,7 +222,7 @@ struct runtime {
     cudaError_t error = cudaErrorUnknown, last = cudaSuccess;
     size_t free_bytes = size_t(1) << 30;
     std::map<char *, size_t> device, host; // allocations
-    int streams = 0, graphs = 0, events = 0, played = 0, clock_ms = 0;
+    int streams = 0, graphs = 0, events = 0, played = 0, together = 0, clock_ms = 0;
     int not_ready = 0;                   // answers of that kind still to come from cudaEventQuery
     std::function<void()> while_waiting; // done once, when a stream is next waited for
     std::vector<shim_stream *> all_streams;
@@ -231,6 +268,15 @@ void launch(Kernel kernel, unsigned blocks, unsigned threads, cudaStream_t strea
 
 #define SPHM_LAUNCH(kernel, blocks, threads, stream, ...)                                                    \
     shim::launch(kernel, blocks, threads, stream, __VA_ARGS__)
+
+template <class... Arguments>
+cudaError_t sphm_launch_together(void (*kernel)(Arguments...), unsigned most, unsigned threads,
+                                 cudaStream_t stream, Arguments... arguments) {
+    const unsigned blocks = most < shim::MOST_TOGETHER ? most : unsigned(shim::MOST_TOGETHER);
+    ++shim::now.together;
+    return shim::enqueue(stream,
+                         [=] { shim::run_grid_together(blocks, threads, [=] { kernel(arguments...); }); });
+}
 
 inline const char *cudaGetErrorString(cudaError_t) {
     return "made to fail";

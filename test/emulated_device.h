@@ -312,10 +312,15 @@ inline sphm_status marked(sphm_device *handle, int wait, int *finished, sphm_con
     return status;
 }
 
+// One launch for many steps is what the shim runs; here they are launched one by one.
+inline int together(const sphm_device *) {
+    return 0;
+}
+
 inline const sphm_device_ops device_ops = {
-    open,         close,  name,         allocate,      allocate, release, upload,
-    download,     launch, launch_fluid, fluid_scratch, record,   keep,    play,
-    launch_times, wait,   look_after,   launch_look,   bring,    mark,    marked};
+    open,       close,        name,          allocate, allocate, release, upload,       download,
+    launch,     launch_fluid, fluid_scratch, record,   keep,     play,    launch_times, wait,
+    look_after, launch_look,  bring,         mark,     marked,   together};
 
 inline sphm_status create(const sphm_model *model, sphm_backend **backend, sphm_context *context) {
     return sphm_device_solid_create(&device_ops, model, backend, context);

@@ -78,12 +78,13 @@ class GpuScript(unittest.TestCase):
             found = [int(row["particles"]) for row in rows
                      if row["variant"] == "graph" and row["tissue"] == tissue and row["backend"] == "cuda"]
             self.assertEqual(found, sizes)
-        self.assertEqual({row["variant"] for row in rows}, {"graph", "launches", "cpu"})
+        self.assertEqual({row["variant"] for row in rows}, {"graph", "persistent", "launches", "cpu"})
         self.assertIn("paper_h=0.04", next(r["command"] for r in rows if r["tissue"] == "fluid" and
                                            r["particles"] == "18475"))
         self.assertEqual(rows[0]["stage_us_forces"], "22")
         self.assertEqual(rows[0]["gpu"], "Fake GPU, 1.0, 1 MiB, 1 MHz")
-        for part in ["passed   parity", "passed   memcheck", "passed   racecheck", "passed   ceilings", "0 failed"]:
+        self.assertIn("SPH_MUSCLE_PERSISTENT=1", next(r["command"] for r in rows if r["variant"] == "persistent"))
+        for part in ["passed   parity", "passed   the same with one kernel", "passed   memcheck", "passed   racecheck", "passed   ceilings", "0 failed"]:
             self.assertIn(part, summary)
 
     def test_reckons_stages_and_figure_13(self):
