@@ -105,6 +105,8 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
     sphm_state *s = &b->state;
     const size_t n = s->count;
     look(b);
+    if (b->failed) /* and what is seen stays NaN */
+        return sphm_fail(context, SPHM_FAILED_BACKEND, "the device has failed before; reset the muscle");
     int32_t *slot_of = b->slots;
     for (size_t slot = 0; slot < n; ++slot)
         slot_of[s->id[slot]] = (int32_t)slot;
@@ -112,8 +114,6 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
     sphm_status status = sphm_state_load_by_id(from, s, b->slots, context);
     if (status != SPHM_OK)
         return status;
-    if (b->failed)
-        return sphm_fail(context, SPHM_FAILED_BACKEND, "the device has failed before; reset the muscle");
     b->seen = 0;
     status = sphm_fluid_upload_state(b, context);
     if (status == SPHM_OK)
