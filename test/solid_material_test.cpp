@@ -173,6 +173,100 @@ TEST(SolidMaterial, SeriesOfTheCrossFibreAngleMeetsTheClosedForm) {
     }
 }
 
+// Largest eigenvalue of C^-1, by taking powers of it.
+double largest_inverse(const Sample &s) {
+    long double G[9], v[3] = {0.3L, 0.5L, 0.7L}, value = 0; // G = cof F: C^-1 = G^T G / J^2
+    const long double *F = s.F_exact;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+            const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+            G[3 * i + j] = F[3 * i1 + j1] * F[3 * i2 + j2] - F[3 * i1 + j2] * F[3 * i2 + j1];
+        }
+    const long double J = F[0] * G[0] + F[1] * G[1] + F[2] * G[2];
+    for (int k = 0; k < 3000; ++k) {
+        long double w[3] = {0, 0, 0}, next[3] = {0, 0, 0}, norm = 0;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                w[i] += G[3 * i + j] * v[j] / J;
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j)
+                next[i] += G[3 * j + i] * w[j] / J;
+            norm += next[i] * next[i];
+        }
+        value = sqrtl(norm);
+        for (int i = 0; i < 3; ++i)
+            v[i] = next[i] / value;
+    }
+    return double(value);
+}
+
+double determinant(const Sample &s) {
+    const long double *F = s.F_exact;
+    return double(F[0] * (F[4] * F[8] - F[5] * F[7]) - F[1] * (F[3] * F[8] - F[5] * F[6]) +
+                  F[2] * (F[3] * F[7] - F[4] * F[6]));
+}
+
+double thinning(const Sample &s) {
+    sphm_real K[9];
+    sphm_solid_cofactor(s.F, K);
+    return double(sphm_solid_thinning(K, sphm_real(1 / determinant(s))));
+}
+
+TEST(SolidMaterial, ThinningBoundsHowMuchFasterGradientsVary) {
+    std::mt19937 random(13);
+    int trials = 0;
+    while (trials < 200) {
+        const Sample s = random_sample(random, 0.6);
+        if (determinant(s) < 0.2)
+            continue;
+        ++trials;
+        const double exact = largest_inverse(s), bound = thinning(s);
+        EXPECT_GE(bound, exact * (1 - 1e-4));
+        EXPECT_LE(bound, exact * (4.0 / 3 + 1e-4));
+    }
+    Sample shortened{}; // a fibre at 0.4, its volume kept
+    for (int i = 0; i < 9; ++i)
+        shortened.F_exact[i] = i == 0 ? 0.4L : i % 4 == 0 ? 1 / sqrtl(0.4L) : 0;
+    for (int i = 0; i < 9; ++i)
+        shortened.F[i] = sphm_real(shortened.F_exact[i]);
+    EXPECT_NEAR(thinning(shortened), 1 / 0.16, 1e-4);
+}
+
+// Work of the viscous stress on the motion a N: at rest eta (|a|^2 + (a.N)^2), and never more than 2 eta
+// |a|^2.
+TEST(SolidMaterial, NoDeformationMakesAParticleMoreViscousThanAtRest) {
+    std::mt19937 random(17);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    const double eta = 20;
+    int trials = 0;
+    double most = 0;
+    while (trials < 2000) {
+        Sample s = random_sample(random, 0.6);
+        const double J = determinant(s);
+        if (J < 0.2)
+            continue;
+        ++trials;
+        double a[3], N[3], aa = 0, NN = 0, aN = 0, work = 0, at_rest = 0;
+        for (int i = 0; i < 3; ++i) {
+            a[i] = uniform(random), N[i] = uniform(random);
+            aa += a[i] * a[i], NN += N[i] * N[i], aN += a[i] * N[i];
+        }
+        const sphm_real identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+        sphm_real rate[9], P[9] = {}, rest[9] = {};
+        for (int i = 0; i < 9; ++i)
+            rate[i] = sphm_real(a[i / 3] * N[i % 3]);
+        sphm_solid_add_viscous_stress(s.F, rate, sphm_real(eta), sphm_real(1 / J), P);
+        sphm_solid_add_viscous_stress(identity, rate, sphm_real(eta), 1, rest);
+        for (int i = 0; i < 9; ++i)
+            work += double(P[i]) * rate[i], at_rest += double(rest[i]) * rate[i];
+        EXPECT_NEAR(at_rest, eta * (aa * NN + aN * aN), 1e-4 * eta * aa * NN);
+        EXPECT_GE(work, 0);
+        most = std::fmax(most, work / (2 * eta * aa * NN));
+    }
+    EXPECT_LE(most, 1 + 1e-4);
+    EXPECT_GT(most, 0.8); // and some come near it
+}
+
 TEST(SolidMaterial, CompressiveFibreStiffnessActsBelowRestLengthOnly) {
     auto c = table3();
     c.passive_compressive_Pa = 1e4;

@@ -202,7 +202,7 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
         b->fibre_rate[i] + field->rate_share * (sphm_solid_stretch_rate(F, rate, f0) - b->fibre_rate[i]);
     const sphm_real activation = b->activation[i] * sphm_solid_force_velocity(fibre_rate, constants);
     const sphm_real J = sphm_solid_stress(F, f0, activation, constants, P, &fibre);
-    sphm_solid_add_viscous_stress(F, rate, f0, field->viscosity_Pa_s, 1 / J, P);
+    sphm_solid_add_viscous_stress(F, rate, field->viscosity_Pa_s, 1 / J, P);
     sphm_real trace = 0; /* of P F^T = J sigma */
 #pragma GCC unroll 9
     for (int d = 0; d < 9; ++d)

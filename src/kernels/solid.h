@@ -209,31 +209,50 @@ SPHM_FN sphm_real sphm_solid_stress(const sphm_real F[9], const sphm_real f0[3],
     return J;
 }
 
+/* How much faster than at rest gradients can vary on the deformed shape, squared: a bound of the largest
+ * eigenvalue of C^-1 = F^-1 F^-T, of which `K` is the cofactor matrix J F^-T. For a symmetric 3x3 matrix A
+ * with trace t and deviator A', no eigenvalue is above t/3 + sqrt(2/3) |A'|, which is exact where the two
+ * smaller ones are equal (a fibre that shortens), and 1.3 times too much at worst where the two larger ones
+ * are. */
+SPHM_FN sphm_real sphm_solid_thinning(const sphm_real K[9], sphm_real inverse_J) {
+    sphm_real diagonal[3], mean = 0, square = 0;
+    for (int j = 0; j < 3; ++j) {
+        diagonal[j] = K[j] * K[j] + K[3 + j] * K[3 + j] + K[6 + j] * K[6 + j];
+        mean += diagonal[j] / 3;
+    }
+    for (int j = 0; j < 3; ++j) {
+        const int k = (j + 1) % 3;
+        const sphm_real off = K[j] * K[k] + K[3 + j] * K[3 + k] + K[6 + j] * K[6 + k];
+        square += (diagonal[j] - mean) * (diagonal[j] - mean) + 2 * off * off;
+    }
+    return (mean + sphm_sqrt(square * (sphm_real)(2.0 / 3))) * inverse_J * inverse_J;
+}
+
 /* Adds the viscous (Kelvin-Voigt) part, Cauchy stress 2 eta D with D the symmetric part of L = Fdot F^-1:
  * P = J sigma F^-T = 2 eta D K, K the cofactor matrix. Objective, and it only ever dissipates: P : Fdot =
- * 2 eta J D : D. `inverse_J` is 1/det F. Returns f.sigma f along the deformed fibre, Pa. */
-SPHM_FN sphm_real sphm_solid_add_viscous_stress(const sphm_real F[9], const sphm_real rate[9],
-                                                const sphm_real f0[3], sphm_real viscosity_Pa_s,
-                                                sphm_real inverse_J, sphm_real P[9]) {
-    sphm_real K[9], D[9], f[3];
+ * 2 eta J D : D. `inverse_J` is 1/det F.
+ *
+ * Seen from the rest shape, where the step limit is, it is J |F^-T|^2 times as viscous as there. A particle
+ * half as thick as at rest would have to be followed with a quarter of the step, and where it is not it flips
+ * to and fro. So eta falls where that factor exceeds 1: no particle is more viscous than at rest. (Limits
+ * that follow the worst particle take three to five times as many steps.) */
+SPHM_FN void sphm_solid_add_viscous_stress(const sphm_real F[9], const sphm_real rate[9],
+                                           sphm_real viscosity_Pa_s, sphm_real inverse_J, sphm_real P[9]) {
+    sphm_real K[9], D[9];
     sphm_solid_cofactor(F, K);
+    const sphm_real excess = sphm_solid_thinning(K, inverse_J) / inverse_J;
+    const sphm_real scale = viscosity_Pa_s * inverse_J / (excess > 1 ? excess : 1);
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) {
             const sphm_real l_ij =
                 rate[3 * i] * K[3 * j] + rate[3 * i + 1] * K[3 * j + 1] + rate[3 * i + 2] * K[3 * j + 2];
             const sphm_real l_ji =
                 rate[3 * j] * K[3 * i] + rate[3 * j + 1] * K[3 * i + 1] + rate[3 * j + 2] * K[3 * i + 2];
-            D[3 * i + j] = viscosity_Pa_s * inverse_J * (l_ij + l_ji); /* 2 eta D */
+            D[3 * i + j] = scale * (l_ij + l_ji); /* 2 eta D */
         }
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             P[3 * i + j] += D[3 * i] * K[j] + D[3 * i + 1] * K[3 + j] + D[3 * i + 2] * K[6 + j];
-        f[i] = F[3 * i] * f0[0] + F[3 * i + 1] * f0[1] + F[3 * i + 2] * f0[2];
-    }
-    sphm_real along = 0;
-    for (int i = 0; i < 3; ++i)
-        along += f[i] * (D[3 * i] * f[0] + D[3 * i + 1] * f[1] + D[3 * i + 2] * f[2]);
-    return along / (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
 }
 
 /* An upper estimate of the stiffness of the tissue against a plane wave, Pa: rho c^2 <= this for every
@@ -242,16 +261,13 @@ SPHM_FN sphm_real sphm_solid_add_viscous_stress(const sphm_real F[9], const sphm
  * tension as a string has it. */
 SPHM_FN sphm_real sphm_solid_wave_modulus(const sphm_real F[9], sphm_real J, const sphm_fibre_stress *fibre,
                                           const sphm_solid_constants *c) {
-    sphm_real K[9], norm = 0;
+    sphm_real K[9];
     sphm_solid_cofactor(F, K);
-    for (int i = 0; i < 9; ++i)
-        norm += K[i] * K[i];
-    /* The sum of all three squares is 3 at rest, of which a wave meets one. */
-    const sphm_real inverse_J = 1 / J, excess = norm * inverse_J * inverse_J - 3;
+    const sphm_real thinning = sphm_solid_thinning(K, 1 / J);
     const sphm_real matrix = c->bulk_Pa * (1 + sphm_solid_magnitude(sphm_ln(J))) +
                              5 * (c->along_fibre_shear_Pa + c->cross_fibre_shear_Pa);
     const sphm_real tension = sphm_solid_magnitude(fibre->active_Pa + fibre->passive_Pa);
-    return matrix * (excess > 0 ? 1 + excess : 1) +
+    return matrix * (thinning > 1 ? thinning : 1) +
            J * (fibre->tangent_Pa + tension / (fibre->stretch * fibre->stretch));
 }
 

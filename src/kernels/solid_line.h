@@ -29,7 +29,7 @@ SPHM_FN void sphm_solid_evaluate(const sphm_solid_tissue *t, const sphm_real H[9
     result->fibre_rate = fibre_rate + rate_share * (sphm_solid_stretch_rate(F, rate, f0) - fibre_rate);
     const sphm_real pulling = activation * sphm_solid_force_velocity(result->fibre_rate, &t->constants);
     const sphm_real J = sphm_solid_stress(F, f0, pulling, &t->constants, P, &fibre);
-    sphm_solid_add_viscous_stress(F, rate, f0, t->viscosity_Pa_s, 1 / J, P);
+    sphm_solid_add_viscous_stress(F, rate, t->viscosity_Pa_s, 1 / J, P);
     sphm_real trace = 0; /* of P F^T = J sigma */
     for (int d = 0; d < 9; ++d)
         trace += P[d] * F[d];
