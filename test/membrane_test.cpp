@@ -206,6 +206,10 @@ TEST(Membrane, ActivationTargetIsBetweenNoughtAndOne) {
     EXPECT_NEAR(double(sphm_activation_target(&c, -30)), 0.5, 1e-6);
     EXPECT_EQ(double(sphm_activation_target(&c, 15)), 1);
     EXPECT_EQ(double(sphm_activation_target(&c, 40)), 1);
+    // What is not finite must not be taken for rest.
+    const sphm_real infinite = std::numeric_limits<sphm_real>::infinity();
+    for (sphm_real bad : {infinite, -infinite, std::numeric_limits<sphm_real>::quiet_NaN()})
+        EXPECT_TRUE(std::isnan(sphm_activation_target(&c, bad)));
 }
 
 // With conduction_velocity the potential lasts about 6 ms and answers every pulse of a train.

@@ -256,21 +256,32 @@ static void add_point_forces(solid_backend *b, const sphm_drive *drive) {
     }
 }
 
+static int32_t first_bad_potential(const sphm_state *s) {
+    for (size_t i = 0; i < s->count; ++i)
+        if (!isfinite(s->membrane_potential[i]) || !isfinite(s->recovery[i]))
+            return s->id[i];
+    return -1;
+}
+
+/* What is wrong with a slot, unless the membrane is the cause. */
+static sphm_status report(const solid_backend *b, int32_t slot, const char *what, const char *stage,
+                          sphm_context *context) {
+    const int32_t excited = first_bad_potential(&b->state);
+    const int by_membrane = excited >= 0;
+    return sphm_fail(context, SPHM_FAILED_NONFINITE, "particle %d is %s at %g s (%s, step %llu)",
+                     (int)(by_membrane ? excited : b->state.id[slot]), by_membrane ? "not finite" : what,
+                     b->state.time_s, by_membrane ? "membrane" : stage, (unsigned long long)b->state.steps);
+}
+
 /* Inverted particles come first: they are why the others are not finite. */
 static sphm_status check(const solid_backend *b, sphm_context *context) {
     const size_t blocks = sphm_block_count(b->state.count);
     for (size_t block = 0; block < b->lines.blocks; ++block)
         if (b->lines.block_inverted[block] >= 0)
-            return sphm_fail(context, SPHM_FAILED_NONFINITE,
-                             "particle %d is turned inside out at %g s (stress sweep, step %llu)",
-                             (int)b->state.id[b->lines.block_inverted[block]], b->state.time_s,
-                             (unsigned long long)b->state.steps);
+            return report(b, b->lines.block_inverted[block], "turned inside out", "stress sweep", context);
     for (size_t block = 0; block < blocks; ++block)
         if (b->block_nonfinite[block] >= 0)
-            return sphm_fail(context, SPHM_FAILED_NONFINITE,
-                             "particle %d is not finite at %g s (integration, step %llu)",
-                             (int)b->state.id[b->block_nonfinite[block]], b->state.time_s,
-                             (unsigned long long)b->state.steps);
+            return report(b, b->block_nonfinite[block], "not finite", "integration", context);
     return SPHM_OK;
 }
 

@@ -71,9 +71,12 @@ SPHM_FN void sphm_membrane_advance(const sphm_membrane_constants *c, sphm_membra
     *recovery = w0 + half * (w_rate0 + w_rate1);
 }
 
-/* The activation an unchanging potential leads to: max(0, (Vm - Vth)/(Vp - Vth)), at most 1. */
+/* The activation an unchanging potential leads to: max(0, (Vm - Vth)/(Vp - Vth)), at most 1. That of a
+ * potential which is not finite is NaN, where the clamp alone would make it 0: what goes wrong in the
+ * membrane reaches the tissue, whose watch stops the muscle. */
 SPHM_FN sphm_real sphm_activation_target(const sphm_membrane_constants *c, sphm_real potential_mV) {
-    return sphm_membrane_clamp((potential_mV - c->threshold_mV) / (c->plateau_mV - c->threshold_mV), 0, 1);
+    return sphm_membrane_clamp((potential_mV - c->threshold_mV) / (c->plateau_mV - c->threshold_mV), 0, 1) +
+           potential_mV * 0;
 }
 
 /* First-order filter towards the target. rise and fall are 1 - exp(-dt/tau) of the two time constants, so
