@@ -155,10 +155,11 @@ class Demo:
 
     def print_line(self):
         s = self.state
-        print("t %7.2f s  stimulus %5g uA/mm2  potential %6.1f mV  displacement mean %6.2f mm max %6.2f mm  "
-              "pressure %8.1f Pa  bulge %5.1f %%  volume %.3f  RTF %.2f"
-              % (s.simulated_time, s.stimulus_ua_per_mm2, s.membrane_potential_mv, 1e3 * s.displacement_mean,
-                 1e3 * s.displacement_max, s.pressure_mean, 100 * s.bulge, s.volume_ratio, s.real_time_factor),
+        print("t %7.2f s  stimulus %5g uA/mm2  potential %6.1f mV  force %6.1f N  shortening %5.1f %%  "
+              "displacement mean %6.2f mm max %6.2f mm  pressure %8.1f Pa  bulge %5.1f %%  volume %.3f  RTF %.2f"
+              % (s.simulated_time, s.stimulus_ua_per_mm2, s.membrane_potential_mv, s.force, 100 * s.shortening,
+                 1e3 * s.displacement_mean, 1e3 * s.displacement_max, s.pressure_mean, 100 * s.bulge, s.volume_ratio,
+                 s.real_time_factor),
               flush=True)
 
     def drive(self):

@@ -1,4 +1,5 @@
-// Small muscles for tests, and their state by particle id.
+// Small muscles for tests, of the paper's tissue unless they ask for the other, and their state by particle
+// id.
 #ifndef SPHM_TEST_MUSCLES_H
 #define SPHM_TEST_MUSCLES_H
 
@@ -26,6 +27,7 @@ struct Muscle {
         };
         context.user = this;
         sphm_parameters parameters = sphm_parameters_default();
+        set(parameters, "tissue", "fluid");
         set(parameters, "particles", "400");
         set(parameters, "threads", "1");
         set(parameters, "backend", "cpu"); // tests look inside it

@@ -17,7 +17,7 @@ static const char help[] =
     "reset, warm up, then the timed steps; all repetitions compute the same states, and the\n"
     "one with the median time is reported.\n"
     "\n"
-    "      --tissue NAME        tissue model (default fluid)\n"
+    "      --tissue NAME        tissue model (default solid)\n"
     "      --backend NAME       auto, cpu or cuda (default auto)\n"
     "  -n, --particles N        (default 2231)\n"
     "  -t, --threads N          0 is all there are (default 0)\n"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdarg>
 #include <cstdio>
 #include <cstring>
 
@@ -311,26 +312,34 @@ void add_electrodes(const sphm_muscle *muscle, const sphm_body &body, const std_
                   header, markers);
 }
 
-void add_text(const sphm_body &body, const MuscleState &state, visualization_msgs::MarkerArray *markers) {
+std::string formatted(const char *format, ...) {
+    char line[160];
+    va_list values;
+    va_start(values, format);
+    std::vsnprintf(line, sizeof line, format, values);
+    va_end(values);
+    return line;
+}
+
+void add_text(const sphm_muscle *muscle, const sphm_body &body, const MuscleState &state,
+              visualization_msgs::MarkerArray *markers) {
     Marker text = new_marker("text", 0, Marker::TEXT_VIEW_FACING, state.header);
     set_scale(&text, 0, 0, 0.035 * body.length_m);
     text.pose.position =
         point((body.lower_m[0] + body.upper_m[0]) / 2, (body.lower_m[1] + body.upper_m[1]) / 2,
               body.upper_m[2] + 0.2 * body.length_m);
-    char line[240];
-    std::snprintf(
-        line, sizeof line,
-        "t %.2f s   stimulus %g uA/mm2   %.0f mV\ndisplacement mean %.1f mm, max %.1f mm   bulge %.1f %%\n%s",
-        state.simulated_time, state.stimulus_ua_per_mm2, state.membrane_potential_mv,
-        1e3 * state.displacement_mean, 1e3 * state.displacement_max, 100 * state.bulge,
-        state.failed   ? "STOPPED: the state is not finite"
-        : state.paused ? "paused"
-                       : "");
-    text.text = line;
-    if (!state.failed && !state.paused) {
-        std::snprintf(line, sizeof line, "real-time factor %.2f", state.real_time_factor);
-        text.text += line;
-    }
+    text.text = formatted("t %.2f s   stimulus %g uA/mm2   %.0f mV\n", state.simulated_time,
+                          state.stimulus_ua_per_mm2, state.membrane_potential_mv);
+    if (sphm_muscle_parameters(muscle)->tissue == SPHM_TISSUE_SOLID)
+        text.text += formatted("force %.1f N   shortening %.1f %%   bulge %.1f %%\n", state.force,
+                               100 * state.shortening, 100 * state.bulge);
+    else
+        text.text +=
+            formatted("displacement mean %.1f mm, max %.1f mm   bulge %.1f %%\n",
+                      1e3 * state.displacement_mean, 1e3 * state.displacement_max, 100 * state.bulge);
+    text.text += state.failed   ? "STOPPED: the state is not finite"
+                 : state.paused ? "paused"
+                                : formatted("real-time factor %.2f", state.real_time_factor);
     markers->markers.push_back(text);
 }
 
@@ -344,7 +353,7 @@ visualization_msgs::MarkerArray make_markers(const sphm_muscle *muscle, const sp
     add_attachments(body, particles, state.header, &markers);
     add_tendons(muscle, body, state.header, &markers);
     add_electrodes(muscle, body, state.header, &markers);
-    add_text(body, state, &markers);
+    add_text(muscle, body, state, &markers);
     return markers;
 }
 

@@ -20,6 +20,7 @@ import xml.etree.ElementTree
 RUN, BENCH = sys.argv[1:3]
 # One thread: on a busy machine two that wait for each other cost more than they save here.
 SMALL = ["--set", "particles=300", "--set", "threads=1"]
+FLUID = [*SMALL, "--set", "tissue=fluid"]
 
 
 def run(*arguments, program=RUN, **keywords):
@@ -86,7 +87,7 @@ class Help(Case):
 
 
 class Ends(Case):
-    SOLID = SMALL + ["--set", "tissue=solid", "--set", "mass_scaling=9", "--quiet"]
+    SOLID = SMALL + ["--set", "mass_scaling=9", "--quiet"]
 
     def test_motion_and_activation(self):
         motion = self.write("motion.csv", "time_s,end,dx_m,dy_m,dz_m\n0.02,insertion,0.004,0,0\n0.04,insertion,0,0,0\n")
@@ -152,7 +153,6 @@ class BadInput(Case):
         self.refused(*SMALL, "--stimulate", "0:1:1;" * 300, says=["--stimulate", "1023"])
 
     def test_schedules_of_ends(self):
-        solid = SMALL + ["--set", "tissue=solid"]
         for option, text, part in (("--activate", "0:1:2", "0 ... 1"), ("--activate", "1:0:1", "START < END"),
                                    ("--load", "insertion:1,2", "FX,FY,FZ"), ("--load", "nose:1,2,3", "origin"),
                                    ("--load", "insertion:1,2,nan", "FX,FY,FZ"), ("--slide", "origin:a", "FORCE"),
@@ -161,8 +161,8 @@ class BadInput(Case):
                                    ("--end-motion", self.write("bad.csv", "1,insertion,0,0\n"), "line 1"),
                                    ("--end-motion", self.write("back.csv", "1,origin,0,0,0\n1,origin,0,0,0\n"), "line 2")):
             with self.subTest(text):
-                self.refused(*solid, option, text, says=[option, part])
-        self.refused(*SMALL, "--activate", "0:1:0.5", says=["tissue: solid"])
+                self.refused(*SMALL, option, text, says=[option, part])
+        self.refused(*FLUID, "--activate", "0:1:0.5", says=["tissue: solid"])
 
     def test_files(self):
         self.refused("--restore", self.path("no.snapshot"), *SMALL, says=["no.snapshot"])
@@ -246,21 +246,24 @@ class Run(Case):
 
     def test_a_nonfinite_state_ends_with_3_and_keeps_the_files(self):
         """Finite but absurd potentials in a snapshot, its checksum made right: the membrane overflows."""
-        common = [*SMALL, "--every", "0.01", "--duration", "0.02"]
-        self.go(*common, "--out", self.path("a"), "--snapshot", self.path("s"))
-        with open(self.path("s"), "rb") as file:
-            snapshot = bytearray(file.read()[:-8])
-        end = snapshot.rindex(b"recovery", 0, snapshot.rindex(b"activation"))  # the array after the potentials
-        for word in range(10, 100):
-            snapshot[end - 4 * word:end - 4 * word + 4] = struct.pack("<f", 3e38)
-        checksum = 0xcbf29ce484222325  # FNV-1a
-        for byte in snapshot:
-            checksum = (checksum ^ byte) * 0x100000001b3 % 2**64
-        with open(self.path("s"), "wb") as file:
-            file.write(snapshot + struct.pack("<Q", checksum))
-        done = self.go(*common, "--restore", self.path("s"), "--out", self.path("out"), code=3)
-        self.assertIn("particle", done.stderr)
-        self.assertEqual([float(s["time_s"]) for s in self.samples()], [0.02])
+        for tissue, stage in ((SMALL, "membrane"), (FLUID, "particle")):
+            with self.subTest(stage):
+                common = [*tissue, "--every", "0.01", "--duration", "0.02"]
+                self.go(*common, "--out", self.path("a"), "--snapshot", self.path("s"))
+                with open(self.path("s"), "rb") as file:
+                    snapshot = bytearray(file.read()[:-8])
+                end = snapshot.rindex(b"recovery", 0, snapshot.rindex(b"activation"))  # the array after the potentials
+                for word in range(10, 100):
+                    snapshot[end - 4 * word:end - 4 * word + 4] = struct.pack("<f", 3e38)
+                checksum = 0xcbf29ce484222325  # FNV-1a
+                for byte in snapshot:
+                    checksum = (checksum ^ byte) * 0x100000001b3 % 2**64
+                with open(self.path("s"), "wb") as file:
+                    file.write(snapshot + struct.pack("<Q", checksum))
+                done = self.go(*common, "--restore", self.path("s"), "--out", self.path(stage), code=3)
+                self.assertIn("particle", done.stderr)
+                self.assertIn(stage, done.stderr)
+                self.assertEqual([float(s["time_s"]) for s in self.samples(stage)], [0.02])
 
     @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full")
     def test_a_full_disk_is_said(self):
