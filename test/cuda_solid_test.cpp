@@ -212,8 +212,8 @@ TEST(EmulatedSolid, FollowsTheCpuWithEndsThatForcesMove) {
         run(*muscle, 150);
         ASSERT_EQ(sphm_muscle_slide_end(m, SPHM_END_INSERTION, 1, &muscle->context), SPHM_OK);
         sphm_end_pose pose{};
-        for (int d = 0; d < 3; ++d)
-            pose.position_m[d] = bone[d] + 5e-4;
+        for (int d = 0; d < 3; ++d) // away from the muscle and aside: a slack tendon would show nothing
+            pose.position_m[d] = bone[d] + 1e-3 * block.axis[d] + (d ? 5e-4 : 0);
         pose.orientation[3] = 1;
         ASSERT_EQ(sphm_muscle_set_end_pose(m, SPHM_END_ORIGIN, &pose, 2e-3, &muscle->context), SPHM_OK)
             << muscle->context.message;

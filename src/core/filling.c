@@ -63,14 +63,15 @@ static sphm_status lattice_place(const sphm_filling_task *task, double spacing, 
     l->spacing = spacing;
     frame_box(task, middle, extent);
     for (int k = 0; k < 3; k++)
-        product *= extent[k] / spacing + 3;
+        product *= extent[k] / spacing + 5;
     if (!(product < (double)MOST_SITES))
         return sphm_fail(context, SPHM_REFUSED_GEOMETRY,
                          "a lattice of %g m over the mesh has %.3g sites; at most %.3g can be handled",
                          spacing, product, (double)MOST_SITES);
     l->sites = 1;
     for (int a = 0; a < 3; a++) {
-        size_t half = (size_t)(0.5 * extent[a] / spacing) + 1;
+        /* One site more than reaches the box on either side, whatever the offset: the rim is cleared. */
+        size_t half = (size_t)(0.5 * extent[a] / spacing) + 2;
         l->n[a] = 2 * half + 1;
         l->sites *= l->n[a];
         double start = middle[a] + (offset[a] - (double)half) * spacing;
