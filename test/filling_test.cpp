@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/section.h"
 #include "core/vec3.h"
 #include "core/winding.h"
 #include "shapes.h"
@@ -205,6 +206,91 @@ TEST(Filling, OfASymmetricShapeIsSymmetric) {
         ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
         EXPECT_EQ(without_mirror_image(made.body), 0u) << made.body.count << " particles";
     }
+}
+
+/* Places of the layers along a direction, in spacings from `at`. */
+std::set<double> layers(const sphm_body &b, const double direction[3], double at) {
+    std::set<double> found;
+    for (size_t i = 0; i < b.count; i++)
+        found.insert(std::round(1e3 * (sphm_dot3(&b.positions[3 * i], direction) - at) / b.layer_m) / 1e3);
+    return found;
+}
+
+/* Of the solid tissue: a whole number of layers between the sections beyond which the attached share of the
+ * volume lies, which lie half-way between two layers; cells near to cubes. */
+void expect_layers_beside_sections(const sphm_parameters &p, const sphm_surface *mesh, double flatness) {
+    Body made(p, mesh);
+    ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
+    const sphm_body &b = made.body;
+    double along[3], sections[2];
+    std::memcpy(along, b.step_m[0], sizeof along);
+    const double step = sphm_normalise3(along);
+    EXPECT_NEAR(sphm_norm3(b.step_m[1]), sphm_norm3(b.step_m[2]), 1e-12);
+    EXPECT_NEAR(step * sphm_norm3(b.step_m[1]) * sphm_norm3(b.step_m[2]), std::pow(b.spacing_m, 3), 1e-15);
+    EXPECT_NEAR(step, b.spacing_m, flatness * b.spacing_m);
+    EXPECT_NEAR((double)b.count, (double)p.particles, 0.01 * (double)p.particles);
+    const sphm_cut_body whole = {&b.surface, nullptr, 0, 0};
+    sphm_end_sections(&whole, along, p.attachment_fraction, sections);
+    const double number = (sections[1] - sections[0]) / step;
+    EXPECT_NEAR(number, std::round(number), 1e-9);
+    for (double place : layers(b, along, sections[0]))
+        EXPECT_NEAR(std::fabs(place - std::round(place)), 0.5, 2e-3);
+}
+
+TEST(Filling, OfTheSolidHasWholeLayersBetweenTheClamps) {
+    sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_SOLID;
+    p.preset = SPHM_PRESET_BELLY;
+    for (int64_t count : {500, 2231, 4944, 18475}) {
+        p.particles = count;
+        expect_layers_beside_sections(p, nullptr, count < 1000 ? 0.03 : 0.015);
+    }
+    p.preset = SPHM_PRESET_TRICEPS_LONG_HEAD;
+    p.attachment_fraction = 0.2;
+    p.particles = 2231;
+    expect_layers_beside_sections(p, nullptr, 0.02);
+    shapes::Surface sphere = shapes::sphere(0.03, 3);
+    for (size_t v = 0; v < sphere.surface.vertex_count; v++) /* along a direction that is no axis */
+        for (size_t k = 0; k < 3; k++)
+            sphere.surface.vertices[3 * v + k] += (k ? 0.8 : 0.6) * sphere.surface.vertices[3 * v];
+    p.attachment_fraction = 0.1;
+    expect_layers_beside_sections(p, &sphere.surface, 0.03);
+}
+
+/* A surface without lids says no volume; what it is filled with does. */
+TEST(Filling, OfTheSolidMeetsSectionsOfAMeshWithHoles) {
+    shapes::Surface tube = shapes::sphere(0.03, 4);
+    for (size_t v = 0; v < tube.surface.vertex_count; v++)
+        tube.surface.vertices[3 * v] *= 3;
+    tube.keep([](const double x[3]) { return x[0] < 0.07; });
+    sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_SOLID;
+    p.particles = 4000;
+    Body made(p, &tube.surface);
+    ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
+    const sphm_body &b = made.body;
+    ASSERT_GT(b.report.open_edges, 0u);
+    double along[3];
+    std::memcpy(along, b.step_m[0], sizeof along);
+    sphm_normalise3(along);
+    const sphm_cut_body filled = {nullptr, b.positions, b.count, b.layer_m};
+    double sections[2];
+    sphm_end_sections(&filled, along, 0.1, sections);
+    const double number = (sections[1] - sections[0]) / b.layer_m;
+    EXPECT_NEAR(number, std::round(number), 0.25);
+    for (double place : layers(b, along, sections[0]))
+        EXPECT_NEAR(std::fabs(place - std::round(place)), 0.5, 0.25);
+}
+
+/* What the fluid is filled with does not depend on where it is held. */
+TEST(Filling, OfTheFluidIsCubic) {
+    sphm_parameters p = sphm_parameters_default();
+    Body made(p);
+    ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
+    for (int a = 0; a < 3; a++)
+        for (int k = 0; k < 3; k++)
+            EXPECT_EQ(made.body.step_m[a][k], a == k ? made.body.spacing_m : 0);
+    EXPECT_NEAR(made.body.layer_m, made.body.spacing_m, 1e-15);
 }
 
 TEST(Filling, LeavesNoHoles) {

@@ -42,7 +42,9 @@ enum { SPHM_REGION_ORIGIN = 0, SPHM_REGION_CENTRE = 1, SPHM_REGION_INSERTION = 2
 /* The muscle's rest shape as particles. Arrays are by particle id, 0 ... count - 1. */
 typedef struct sphm_body {
     size_t count;
-    double spacing_m; /* of the filling; mass per particle = density volume / count */
+    double spacing_m;    /* of the filling, cube root of a cell; mass per particle = density volume / count */
+    double step_m[3][3]; /* of the filling's lattice: from a site to the next in its directions, a row each */
+    double layer_m;      /* what a step is along the line of action */
     double volume_m3;
     double support_radius_m;                     /* h */
     double length_m;                             /* |insertion - origin| */

@@ -87,6 +87,8 @@ sphm_status sphm_filling_create_bar(const double side_m[3], int64_t particles, s
             }
     filling->count = count;
     filling->spacing_m = cbrt(side_m[0] * side_m[1] * side_m[2] / (double)count);
+    for (int k = 0; k < 3; k++)
+        filling->step_m[k][k] = side_m[k] / (double)n[k];
     return SPHM_OK;
 }
 

@@ -6,6 +6,7 @@
 #include "core/filling.h"
 #include "core/line_of_action.h"
 #include "core/point_grid.h"
+#include "core/section.h"
 #include "core/vec3.h"
 #include "core/winding.h"
 
@@ -54,6 +55,27 @@ static sphm_status take_surface(sphm_body *body, const sphm_parameters *paramete
     return SPHM_OK;
 }
 
+/* Where the solid tissue's ends are held, along the lattice's first direction: layers then lie half-way
+ * beside the clamps (attachments: line_of_action.c). A mesh with holes is filled once more to find these
+ * sections. */
+static sphm_status find_sections(const sphm_body *body, const sphm_parameters *parameters,
+                                 sphm_filling_task *task, sphm_context *context) {
+    if (parameters->tissue != SPHM_TISSUE_SOLID || parameters->attachment_fraction == 0)
+        return SPHM_OK;
+    sphm_filling first;
+    memset(&first, 0, sizeof first);
+    sphm_cut_body whole = {&body->surface, NULL, 0, 0};
+    sphm_status status = SPHM_OK;
+    if (body->report.open_edges > 0) {
+        status = sphm_filling_create(task, &first, context);
+        whole = (sphm_cut_body){NULL, first.positions, first.count, first.spacing_m};
+    }
+    if (status == SPHM_OK)
+        sphm_end_sections(&whole, task->frame[0], parameters->attachment_fraction, task->sections_m);
+    sphm_filling_free(&first);
+    return status;
+}
+
 /* Lattices lie along the axes of the preset frame, or along the principal directions of a mesh, where their
  * box is smallest and their layers cross the muscle. */
 static sphm_status fill_surface(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
@@ -69,7 +91,8 @@ static sphm_status fill_surface(sphm_body *body, const sphm_parameters *paramete
         task.frame[k][k] = 1;
     if (mesh)
         sphm_surface_principal_frame(&body->surface, task.frame);
-    return sphm_filling_create(&task, filling, context);
+    sphm_status status = find_sections(body, parameters, &task, context);
+    return status == SPHM_OK ? sphm_filling_create(&task, filling, context) : status;
 }
 
 static sphm_status fill(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
@@ -101,6 +124,7 @@ static sphm_status take_particles(sphm_body *body, const sphm_parameters *parame
         return status;
     body->count = filling.count;
     body->spacing_m = filling.spacing_m;
+    memcpy(body->step_m, filling.step_m, sizeof body->step_m);
     body->positions = filling.positions;
     body->outer = filling.outer;
     if (filling.strays > 0)

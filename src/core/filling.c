@@ -1,10 +1,11 @@
-/* Filling a surface with particles on a cubic lattice. Reads the surface and its winding number, writes
- * positions and the flags of the outermost layer.
+/* Filling a surface with particles on a lattice: cubic, or with a whole number of layers between two
+ * sections. Reads the surface and its winding number, writes positions and the flags of the outermost layer.
  *
  * A site is tissue where the winding number is above one half. The spacing is found by regula falsi on the
- * number of sites, starting from volume / count; three or four fillings do. Rejected: Poisson sampling and
- * relaxed packings, which cost more and whose disorder adds noise to SPH sums at rest (`jitter` is there for
- * those who want disorder). */
+ * number of sites, starting from volume / count; three or four fillings do. Between two sections the layers
+ * have theirs from the distance, and only the spacing within a layer is varied. Rejected: Poisson sampling
+ * and relaxed packings, which cost more and whose disorder adds noise to SPH sums at rest (`jitter` is there
+ * for those who want disorder). */
 #include "core/filling.h"
 #include "core/context.h"
 #include "core/threads.h"
@@ -31,7 +32,7 @@ static const double offsets[][3] = {{0.5, 0.5, 0.5}, {0, 0.5, 0.5},   {0.5, 0, 0
 typedef struct lattice {
     double corner[3], step[3][3]; /* site i, j, k is at corner + i step[0] + j step[1] + k step[2] */
     size_t n[3], sites;
-    double spacing;
+    double spacing[3];
     uint8_t *inside; /* [sites], i fastest: 0 outside, 1 tissue, 2 tissue, already visited */
     size_t count, strays;
 } lattice;
@@ -56,14 +57,22 @@ static void frame_box(const sphm_filling_task *task, double middle[3], double ex
     }
 }
 
-static sphm_status lattice_place(const sphm_filling_task *task, double spacing, const double offset[3],
-                                 lattice *l, sphm_context *context) {
+/* Layers lie half-way beside the sections, not where the offset says. `layers` 0: a cubic lattice. */
+static double first_offset(const sphm_filling_task *task, double middle, double spacing) {
+    double places = (task->sections_m[0] - middle) / spacing + 0.5;
+    return places - floor(places);
+}
+
+static sphm_status lattice_place(const sphm_filling_task *task, int64_t layers, double spacing,
+                                 const double offset[3], lattice *l, sphm_context *context) {
     double middle[3], extent[3], product = 1;
     memset(l, 0, sizeof *l);
-    l->spacing = spacing;
     frame_box(task, middle, extent);
-    for (int k = 0; k < 3; k++)
-        product *= extent[k] / spacing + 5;
+    for (int k = 0; k < 3; k++) {
+        l->spacing[k] =
+            k == 0 && layers ? (task->sections_m[1] - task->sections_m[0]) / (double)layers : spacing;
+        product *= extent[k] / l->spacing[k] + 5;
+    }
     if (!(product < (double)MOST_SITES))
         return sphm_fail(context, SPHM_REFUSED_GEOMETRY,
                          "a lattice of %g m over the mesh has %.3g sites; at most %.3g can be handled",
@@ -71,13 +80,14 @@ static sphm_status lattice_place(const sphm_filling_task *task, double spacing, 
     l->sites = 1;
     for (int a = 0; a < 3; a++) {
         /* One site more than reaches the box on either side, whatever the offset: the rim is cleared. */
-        size_t half = (size_t)(0.5 * extent[a] / spacing) + 2;
+        size_t half = (size_t)(0.5 * extent[a] / l->spacing[a]) + 2;
         l->n[a] = 2 * half + 1;
         l->sites *= l->n[a];
-        double start = middle[a] + (offset[a] - (double)half) * spacing;
+        double shift = a == 0 && layers ? first_offset(task, middle[a], l->spacing[a]) : offset[a];
+        double start = middle[a] + (shift - (double)half) * l->spacing[a];
         for (int k = 0; k < 3; k++) {
             l->corner[k] += start * task->frame[a][k];
-            l->step[a][k] = spacing * task->frame[a][k];
+            l->step[a][k] = l->spacing[a] * task->frame[a][k];
         }
     }
     l->inside = calloc(l->sites, 1);
@@ -119,9 +129,9 @@ static void classify_block(const sphm_winding *winding, lattice *l, const block 
         double half = 0.5 * (double)(end[a] - 1 - b->first[a]);
         for (int k = 0; k < 3; k++)
             middle[k] += ((double)b->first[a] + half) * l->step[a][k];
-        radius += half * half;
+        radius += half * half * l->spacing[a] * l->spacing[a];
     }
-    radius = sqrt(radius) * l->spacing;
+    radius = sqrt(radius);
     if (b->size == 1 || !sphm_winding_near(winding, middle, 2 * radius)) {
         double w = sphm_winding_number(winding, middle);
         if (b->size == 1 || fabs(w - 0.5) > 0.5 - 1.0 / 12) {
@@ -214,9 +224,9 @@ static void clear_rim(lattice *l) {
     }
 }
 
-static sphm_status lattice_fill(const sphm_filling_task *task, double spacing, const double offset[3],
-                                lattice *l, sphm_context *context) {
-    sphm_status status = lattice_place(task, spacing, offset, l, context);
+static sphm_status lattice_fill(const sphm_filling_task *task, int64_t layers, double spacing,
+                                const double offset[3], lattice *l, sphm_context *context) {
+    sphm_status status = lattice_place(task, layers, spacing, offset, l, context);
     if (status != SPHM_OK)
         return status;
     lattice_classify(task, l);
@@ -231,14 +241,20 @@ static double misfit(const lattice *l, int64_t particles) {
     return fabs((double)l->count - (double)particles) / (double)particles;
 }
 
-/* Improves `best` by fillings with one offset: the count goes like spacing^-3, so the next guess is
- * s (n/N)^(1/3), kept between the spacings that gave too many and too few. */
-static sphm_status search_spacing(const sphm_filling_task *task, const double offset[3], lattice *best,
-                                  sphm_context *context) {
-    double spacing = cbrt(task->volume_m3 / (double)task->particles), many = 0, few = INFINITY;
+/* The spacing at which cells of the tissue's volume are as many as asked for. */
+static double first_guess(const sphm_filling_task *task, int64_t layers) {
+    double cell = task->volume_m3 / (double)task->particles;
+    return layers ? sqrt(cell / (task->sections_m[1] - task->sections_m[0]) * (double)layers) : cbrt(cell);
+}
+
+/* Improves `best` by fillings with one offset: the count goes like spacing^-3 (^-2 between sections), so the
+ * next guess is s (n/N)^(1/3), kept between the spacings that gave too many and too few. */
+static sphm_status search_spacing(const sphm_filling_task *task, int64_t layers, const double offset[3],
+                                  lattice *best, sphm_context *context) {
+    double spacing = first_guess(task, layers), many = 0, few = INFINITY;
     for (int attempt = 0; attempt < ATTEMPTS_PER_OFFSET; attempt++) {
         lattice l;
-        sphm_status status = lattice_fill(task, spacing, offset, &l, context);
+        sphm_status status = lattice_fill(task, layers, spacing, offset, &l, context);
         if (status != SPHM_OK)
             return status;
         double ratio = (double)l.count / (double)task->particles;
@@ -254,7 +270,7 @@ static sphm_status search_spacing(const sphm_filling_task *task, const double of
         }
         if (misfit(best, task->particles) <= GOOD_ENOUGH)
             break;
-        spacing *= ratio > 0 ? cbrt(ratio) : 0.7;
+        spacing *= ratio > 0 ? pow(ratio, layers ? 1.0 / 2 : 1.0 / 3) : 0.7;
         if (!(spacing > many && spacing < few))
             spacing = few < INFINITY ? 0.5 * (many + few) : 1.02 * many;
     }
@@ -279,28 +295,50 @@ static sphm_status take_particles(const lattice *l, sphm_filling *filling, sphm_
             outer |= !l->inside[s - stride[a]] || !l->inside[s + stride[a]];
         filling->outer[filling->count++] = outer;
     }
-    filling->spacing_m = l->spacing;
+    memcpy(filling->step_m, l->step, sizeof filling->step_m);
+    filling->spacing_m = l->spacing[1]; /* no rounding where cells are cubes */
+    if (l->spacing[0] != l->spacing[1])
+        filling->spacing_m = cbrt(l->spacing[0] * l->spacing[1] * l->spacing[2]);
     filling->strays = l->strays;
     return SPHM_OK;
+}
+
+static int is_met(const lattice *best, const sphm_filling_task *task) {
+    return best->inside && misfit(best, task->particles) <= SPHM_COUNT_TOLERANCE;
+}
+
+static sphm_status search_offsets(const sphm_filling_task *task, int64_t layers, lattice *best,
+                                  sphm_context *context) {
+    sphm_status status = SPHM_OK;
+    for (size_t o = 0; o < sizeof offsets / sizeof offsets[0] && status == SPHM_OK && !is_met(best, task);
+         o++)
+        status = search_spacing(task, layers, offsets[o], best, context);
+    return status;
+}
+
+/* The number of layers between the sections whose cells are nearest to cubes; where it cannot meet the count,
+ * those beside it. */
+static sphm_status search_layers(const sphm_filling_task *task, lattice *best, sphm_context *context) {
+    static const int64_t beside[] = {0, 1, -1, 2};
+    double distance = task->sections_m[1] - task->sections_m[0];
+    if (!(distance > 0))
+        return search_offsets(task, 0, best, context);
+    int64_t nearest = (int64_t)(distance / cbrt(task->volume_m3 / (double)task->particles) + 0.5);
+    sphm_status status = SPHM_OK;
+    for (size_t k = 0; k < sizeof beside / sizeof beside[0] && status == SPHM_OK && !is_met(best, task); k++)
+        if (nearest + beside[k] > 0)
+            status = search_offsets(task, nearest + beside[k], best, context);
+    return status;
 }
 
 sphm_status sphm_filling_create(const sphm_filling_task *task, sphm_filling *filling, sphm_context *context) {
     lattice best;
     memset(&best, 0, sizeof best);
     memset(filling, 0, sizeof *filling);
-    for (size_t o = 0; o < sizeof offsets / sizeof offsets[0]; o++) {
-        sphm_status status = search_spacing(task, offsets[o], &best, context);
-        if (status != SPHM_OK) {
-            lattice_free(&best);
-            return status;
-        }
-        if (misfit(&best, task->particles) <= SPHM_COUNT_TOLERANCE)
-            break;
-    }
-    sphm_status status;
-    if (misfit(&best, task->particles) <= SPHM_COUNT_TOLERANCE)
+    sphm_status status = search_layers(task, &best, context);
+    if (status == SPHM_OK && is_met(&best, task))
         status = take_particles(&best, filling, context);
-    else
+    else if (status == SPHM_OK)
         status =
             sphm_fail(context, SPHM_REFUSED_GEOMETRY,
                       "particles: %lld cannot be met within %g %%; the nearest filling of this shape has "

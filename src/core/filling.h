@@ -17,16 +17,21 @@ typedef struct sphm_filling_task {
     const sphm_winding *winding;
     double volume_m3;
     double frame[3][3];
+    /* Places along frame[0], m, that layers of the lattice lie half-way beside, a whole number of them in
+     * between; cells are then a little longer or shorter in this direction. Equal: a cubic lattice anywhere.
+     */
+    double sections_m[2];
     int64_t particles; /* asked for */
     int64_t threads;   /* 0: all; no influence on the result */
 } sphm_filling_task;
 
 typedef struct sphm_filling {
     size_t count;
-    double spacing_m;
-    double *positions; /* [3 * count] */
-    uint8_t *outer;    /* [count], 1 where one of the six lattice neighbours is missing */
-    size_t strays;     /* lattice sites inside, but apart from the rest, left out */
+    double spacing_m;    /* cube root of a cell's volume */
+    double step_m[3][3]; /* from a site to the next one in the lattice's directions, a row each */
+    double *positions;   /* [3 * count] */
+    uint8_t *outer;      /* [count], 1 where one of the six lattice neighbours is missing */
+    size_t strays;       /* lattice sites inside, but apart from the rest, left out */
 } sphm_filling;
 
 /* A lattice whose spacing is such that the count is met. Refuses (SPHM_REFUSED_GEOMETRY) a count that no

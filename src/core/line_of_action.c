@@ -85,6 +85,14 @@ static int given(const double point[3]) {
     return point[0] != SPHM_AUTO && point[1] != SPHM_AUTO && point[2] != SPHM_AUTO;
 }
 
+/* Where the line of action is a direction of the lattice this is the step in it; in between it blends. */
+static double step_along(const sphm_body *body) {
+    double square = 0;
+    for (int k = 0; k < 3; k++)
+        square += pow(sphm_dot3(body->step_m[k], body->axis), 2);
+    return sqrt(square);
+}
+
 sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters *parameters,
                                           const double fallback[2][3], sphm_context *context) {
     double ends[2][3];
@@ -116,6 +124,7 @@ sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters
             "origin and insertion are the same point (%g, %g, %g) m; they span the line of action "
             "and must lie apart",
             body->origin_m[0], body->origin_m[1], body->origin_m[2]);
+    body->layer_m = step_along(body);
     return SPHM_OK;
 }
 
@@ -173,7 +182,7 @@ sphm_status sphm_body_divide(sphm_body *body, double attachment_fraction, sphm_c
 }
 
 /* Area of the section where half of the tissue lies on either side: volume of the particles around it,
- * weighted by a hat that is a whole number of spacings wide, so that layers of a lattice count the same
+ * weighted by a hat that is a whole number of layers wide, so that layers of a lattice count the same
  * wherever they lie. */
 void sphm_body_measure_section(sphm_body *body) {
     double middle = 0, lower = INFINITY, upper = -INFINITY, nearest = INFINITY;
@@ -186,8 +195,8 @@ void sphm_body_measure_section(sphm_body *body) {
             middle = along;
         }
     }
-    double layers = fmax(2, floor(0.05 * (upper - lower) / body->spacing_m));
-    double width = layers * body->spacing_m, sum = 0;
+    double layers = fmax(2, floor(0.05 * (upper - lower) / body->layer_m));
+    double width = layers * body->layer_m, sum = 0;
     for (size_t p = 0; p < body->count; p++)
         sum += fmax(0, 1 - fabs(sphm_dot3(&body->positions[3 * p], body->axis) - middle) / width);
     double area = sum * body->volume_m3 / (double)body->count / width;

@@ -8,10 +8,10 @@
 extern "C" {
 #endif
 
-/* Each reads body->positions, count, spacing_m, and what the ones before it wrote. */
+/* Each reads body->positions, count, spacing_m, step_m, and what the ones before it wrote. */
 
-/* Writes origin_m, insertion_m, axis, length_m. Given points are taken; `fallback` (NULL for a mesh) holds
- * the ends of a preset. */
+/* Writes origin_m, insertion_m, axis, length_m, layer_m. Given points are taken; `fallback` (NULL for a mesh)
+ * holds the ends of a preset. */
 sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters *parameters,
                                           const double fallback[2][3], sphm_context *context);
 /* Writes axial_fraction, attachment, region. */
