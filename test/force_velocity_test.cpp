@@ -42,7 +42,7 @@ TEST(ForceVelocity, CurveAtAPoint) {
 double force_ratio(double speed_m_per_s, double *V) {
     const Muscle muscle = make(hill_bar());
     const sphm_body *body = sphm_muscle_body(muscle.get());
-    const double start = body->insertion_m[0] + 0.03 * 0.07; // free part: 30 mm, to lambda_ofl
+    const double start = body->insertion_m[0] + 0.03 * 0.07; // about to lambda_ofl; the stretch is measured
     hold_at(muscle, SPHM_END_INSERTION, start + speed_m_per_s * 0.03, 0.05);
     EXPECT_EQ(sphm_muscle_activate(muscle.get(), 1, 0, nullptr), SPHM_OK);
     proceed(muscle, 0.15);

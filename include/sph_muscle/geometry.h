@@ -50,6 +50,10 @@ typedef struct sphm_body {
     double length_m;                             /* |insertion - origin| */
     double mid_radius_m;                         /* equivalent radius sqrt(A/pi) of the mid-belly section */
     double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
+    /* Of the solid tissue: the sections across the line of action, x . axis, beyond which attachment_fraction
+     * of the volume lies. The tissue behaves as if clamped in them, though one layer more is held: gradients
+     * reach half a layer behind the last one. Equal where nothing is attached, and of the fluid. */
+    double clamp_m[2];
     double lower_m[3], upper_m[3];
     double *positions;      /* [3 * count], m */
     double *fibres;         /* [3 * count], unit vectors */

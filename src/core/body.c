@@ -188,7 +188,7 @@ static sphm_status build(sphm_body *body, const sphm_parameters *parameters, con
     if (status == SPHM_OK)
         status = find_line(body, parameters, mesh, context);
     if (status == SPHM_OK)
-        status = sphm_body_divide(body, parameters->attachment_fraction, context);
+        status = sphm_body_divide(body, parameters, context);
     if (status != SPHM_OK)
         return status;
     sphm_body_measure_section(body);

@@ -3,6 +3,7 @@
  * volume are shares by number. */
 #include "core/line_of_action.h"
 #include "core/context.h"
+#include "core/section.h"
 #include "core/surface.h"
 #include "core/vec3.h"
 
@@ -155,7 +156,53 @@ static void share_ranks(sphm_body *body, const ranked *order) {
     }
 }
 
-sphm_status sphm_body_divide(sphm_body *body, double attachment_fraction, sphm_context *context) {
+static void attach_by_share(sphm_body *body, double share) {
+    for (size_t p = 0; p < body->count; p++)
+        body->attachment[p] = body->axial_fraction[p] < share       ? SPHM_ATTACHED_ORIGIN
+                              : 1 - body->axial_fraction[p] < share ? SPHM_ATTACHED_INSERTION
+                                                                    : SPHM_FREE;
+}
+
+/* The solid is held as if clamped in the sections beyond which the share lies. Its gradients average over the
+ * support: tissue beside layers that are held up to x deforms as if it were held half a layer behind x. So
+ * the last held layer is the one nearest to half a layer inside the free part, and every particle up to a
+ * whole layer inside is held; a little less, so that a section that halves a layer is met alike at both ends.
+ * Particles in no layers (jitter, a tilted line) are then held half a layer inside on average, too. */
+static sphm_status attach_up_to_sections(sphm_body *body, double share, const ranked *order,
+                                         sphm_context *context) {
+    const sphm_cut_body surface = {&body->surface, NULL, 0, 0},
+                        filled = {NULL, body->positions, body->count, body->layer_m};
+    sphm_end_sections(body->report.open_edges > 0 ? &filled : &surface, body->axis, share, body->clamp_m);
+    size_t last = body->count - 1, loose = 0;
+    double inside = (1 - 1e-3) * body->layer_m, level = 1e-6 * body->spacing_m,
+           lower = fmax(body->clamp_m[0] + inside, order[0].along + level),
+           upper = fmin(body->clamp_m[1] - inside, order[last].along - level);
+    for (size_t r = 0; r < body->count; r++) {
+        body->attachment[order[r].particle] = order[r].along < lower   ? SPHM_ATTACHED_ORIGIN
+                                              : order[r].along > upper ? SPHM_ATTACHED_INSERTION
+                                                                       : SPHM_FREE;
+        loose += body->attachment[order[r].particle] == SPHM_FREE;
+    }
+    if (loose == 0)
+        return sphm_fail(
+            context, SPHM_REFUSED_GEOMETRY,
+            "attachment_fraction: %g leaves %.3g mm between the ends, and layers of %.3g mm are held at "
+            "either side of it: no particle is free. A smaller share or more particles are needed",
+            share, 1e3 * (body->clamp_m[1] - body->clamp_m[0]), 1e3 * body->layer_m);
+    return SPHM_OK;
+}
+
+/* However few particles there are, an end that is to be attached has its first layer. */
+static sphm_status attach(sphm_body *body, const sphm_parameters *parameters, const ranked *order,
+                          sphm_context *context) {
+    double share = parameters->attachment_fraction, first = body->axial_fraction[order[0].particle];
+    if (parameters->tissue == SPHM_TISSUE_SOLID && share > 0)
+        return attach_up_to_sections(body, share, order, context);
+    attach_by_share(body, share > 0 ? fmax(share, first * 1.000001) : 0);
+    return SPHM_OK;
+}
+
+sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, sphm_context *context) {
     ranked *order = malloc(body->count * sizeof *order);
     if (!order)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to rank %zu particles", body->count);
@@ -165,20 +212,15 @@ sphm_status sphm_body_divide(sphm_body *body, double attachment_fraction, sphm_c
     }
     qsort(order, body->count, sizeof *order, compare_ranked);
     share_ranks(body, order);
-    /* However few particles there are, an end that is to be attached has its first layer. */
-    double first = body->axial_fraction[order[0].particle];
-    double held = attachment_fraction > 0 ? fmax(attachment_fraction, first * 1.000001) : 0;
+    sphm_status status = attach(body, parameters, order, context);
     for (size_t p = 0; p < body->count; p++) {
         double share = body->axial_fraction[p];
-        body->attachment[p] = share < held       ? SPHM_ATTACHED_ORIGIN
-                              : 1 - share < held ? SPHM_ATTACHED_INSERTION
-                                                 : SPHM_FREE;
         body->region[p] = share < END_REGION       ? SPHM_REGION_ORIGIN
                           : 1 - share < END_REGION ? SPHM_REGION_INSERTION
                                                    : SPHM_REGION_CENTRE;
     }
     free(order);
-    return SPHM_OK;
+    return status;
 }
 
 /* Area of the section where half of the tissue lies on either side: volume of the particles around it,

@@ -14,8 +14,8 @@ extern "C" {
  * holds the ends of a preset. */
 sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters *parameters,
                                           const double fallback[2][3], sphm_context *context);
-/* Writes axial_fraction, attachment, region. */
-sphm_status sphm_body_divide(sphm_body *body, double attachment_fraction, sphm_context *context);
+/* Writes axial_fraction, attachment, region, and clamp_m of a solid; reads the surface. */
+sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, sphm_context *context);
 /* Writes mid_radius_m. */
 void sphm_body_measure_section(sphm_body *body);
 /* Unit directions across the axis: `wide` where the tissue extends most, `thin` least; right-handed. */
