@@ -94,7 +94,7 @@ def particle_rows(r, particles, law, alphas=ALPHAS, **more):
         J = np.linalg.det(F)
         pressure = -np.einsum("nij,nij->n", P, F) / (3 * J)
         free = m.attachment == 0
-        rows.append({"count": m.count, "spacing": m.spacing, "plane": x[m.attachment == 2].min(), "alpha": alpha,
+        rows.append({"count": m.count, "spacing": m.spacing, "plane": m.clamps()[1], "alpha": alpha,
                      "origin": origin, "force": insertion, "unrest": unrest,
                      "sections": [lattice.section_force(P, s) for s in SECTIONS],
                      "mean_u": np.linalg.norm(u, axis=1).mean(), "bulge": bulge(m.rest, now, 0, MID),
@@ -159,7 +159,7 @@ def report_particles(r, rows, elements, alphas):
             "less (%).", ["particles", "activation", "origin", "insertion", "section 1", "2", "3",
                           "spread of the five (%)", "force (%)", "mean displacement (%)", "bulge (%)",
                           "mean pressure (Pa)", "mean J", "least stretch", "largest"], table)
-    r.table("held_planes", "Where the ends are held: the last held layer.",
+    r.table("held_planes", "Where the ends are held: half a layer behind the last held one.",
             ["particles", "spacing (mm)", "plane (mm)", "asked for (mm)"],
             [[x["count"], 1e3 * x["spacing"], 1e3 * x["plane"], 1e3 * PLANE] for x in rows if x["alpha"] == alphas[0]])
 

@@ -165,7 +165,8 @@ class Muscle:
         body = library().sphm_muscle_body(self._handle).contents
         self.count = body.count
         self.spacing, self.support, self.volume = body.spacing_m, body.support_radius_m, body.volume_m3
-        self.length, self.mid_radius = body.length_m, body.mid_radius_m
+        self.layer, self.length, self.mid_radius = body.layer_m, body.length_m, body.mid_radius_m
+        self.sections = np.array(body.clamp_m)  # x . axis
         self.origin, self.insertion = np.array(body.origin_m), np.array(body.insertion_m)
         self.rest = _array(body.positions, self.count, 3)
         self.fibres = _array(body.fibres, self.count, 3)
@@ -245,6 +246,11 @@ class Muscle:
         """Tension at the insertion (N), positive when the muscle pulls."""
         return -self.wrench(INSERTION)["force_N"][0]
 
+    def clamps(self):
+        """Where the tissue of a solid along x behaves as if it were clamped: half a layer behind the last held ones."""
+        x = self.rest[:, 0]
+        return x[self.attachment == 1].max() - self.layer / 2, x[self.attachment == 2].min() + self.layer / 2
+
     def particles(self):
         p = _STRUCTS["sphm_particles"]()
         self._do("sphm_muscle_particles", self._handle, ctypes.byref(p))
@@ -265,9 +271,27 @@ class Muscle:
 
 
 def held_at(plane, **parameters):
-    """A muscle along x whose ends are held up to x = -plane and from x = plane on: a held particle does not move, so
-    that the last held layer of particles should lie in that plane. The share to hold is chosen such that it is the
-    layer nearest to it."""
+    """A muscle along x, symmetric about its middle, whose ends are clamped in x = -plane and x = plane. The library clamps a
+    solid in the section that cuts attachment_fraction off, and a bar, whose layers come from its sides, at the border of
+    layers that is nearest to it. So the share is improved until the sections lie there, by the volume of a layer."""
+    if parameters.get("tissue") != "solid":
+        return _held_by_layers(plane, **parameters)
+    m = Muscle(**parameters)
+    for _ in range(8):
+        off = np.array((-1, 1)) * m.sections - plane
+        if np.abs(off).max() < 2e-3 * m.layer:
+            break
+        layer = np.maximum(0, 1 - np.abs(np.abs(m.rest[:, 0]) - plane) / m.layer).mean() / 2
+        share = m.parameters.attachment_fraction + layer * off.mean() / m.layer
+        m = Muscle(**{**parameters, "attachment_fraction": float(np.clip(share, 1e-3, 0.45))})
+    off = np.array((-1, 1)) * m.clamps() - plane
+    if np.abs(off).max() > (0.51 if parameters.get("preset") == "bar" else 0.01) * m.layer:
+        raise ValueError(f"clamps at {m.clamps()} m instead of {plane} m")
+    return m
+
+
+def _held_by_layers(plane, **parameters):
+    """The fluid, which is held by whole layers: the last one is that nearest to the plane."""
     m = Muscle(**parameters)
     shares = []
     for inward, share in ((m.rest[:, 0], m.axial_fraction), (-m.rest[:, 0], 1 - m.axial_fraction)):

@@ -47,6 +47,7 @@ class Turned:
         across /= np.linalg.norm(across)
         self.turn = np.stack([axis, across, np.cross(axis, across)])
         self.middle = (muscle.origin + muscle.insertion) / 2
+        self.sections = muscle.sections - self.middle @ axis
         self.rest = self.here(muscle.rest)
 
     def here(self, points):
@@ -60,8 +61,8 @@ class Turned:
         return np.interp(share, self.muscle.axial_fraction[order], self.rest[order, 0])
 
     def held(self):
-        x = self.rest[:, 0]
-        return x[self.attachment == 1].max(), x[self.attachment == 2].min()
+        """Where the tissue is clamped."""
+        return tuple(self.sections)
 
 
 def filled(surface, count):

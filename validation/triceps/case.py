@@ -127,12 +127,12 @@ def judge_state(meshes, alpha):
 
 
 def plane_of(preset, count):
-    """The last held layer of a filling, next to where 10 % of the volume lie beyond."""
+    """Where a filling is clamped: 10 % of the volume lie beyond."""
     nominal = preset.section(0.9)
     m = muscle(preset.name, count, nominal, "true_stretch")
     if abs(m.volume / preset.volume - 1) > 2e-3:
         raise ValueError(f"lib/presets.py has another {preset.name} than the library: {preset.volume} and {m.volume} m3")
-    return m.rest[m.attachment == 2, 0].min()
+    return m.clamps()[1]
 
 
 def one(r, name, coupling, quick):
