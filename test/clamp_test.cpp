@@ -115,7 +115,7 @@ TEST(Clamp, OfNothingIsNone) {
 
 // Stretched by a five-hundredth, a bar that has little but its fibres' passive stiffness pulls as the
 // material does at that stretch of what lies between the sections. Held by one layer less at each end it
-// would be a tenth too soft.
+// would be 15 % too soft.
 TEST(Clamp, IsWhereABarIsFeltToBeHeld) {
     sphm_parameters p = solid::bar();
     p.optimal_fibre_stretch = 1;
