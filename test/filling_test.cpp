@@ -50,8 +50,11 @@ TEST(Bar, IsTheCellCentredLattice) {
     }
 }
 
+/* The fluid's ends; those of the solid are in clamp_test. */
 TEST(Bar, IsAttachedByWholeLayers) {
-    Body made(bar_80_6_6(2880));
+    sphm_parameters p = bar_80_6_6(2880);
+    p.tissue = SPHM_TISSUE_FLUID;
+    Body made(p);
     ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
     size_t attached[3] = {0, 0, 0}, region[3] = {0, 0, 0}, outer = 0;
     for (size_t i = 0; i < made.body.count; i++) {
@@ -200,6 +203,7 @@ TEST(Filling, OfASymmetricShapeIsSymmetric) {
     /* Its triangles are not quite: a site that they all but touch may be tissue on one side only (500). */
     for (int64_t count : {2231, 4944, 9888, 18475}) {
         sphm_parameters p = sphm_parameters_default();
+        p.tissue = SPHM_TISSUE_FLUID;
         p.preset = SPHM_PRESET_BELLY;
         p.particles = count;
         Body made(p);
@@ -285,6 +289,7 @@ TEST(Filling, OfTheSolidMeetsSectionsOfAMeshWithHoles) {
 /* What the fluid is filled with does not depend on where it is held. */
 TEST(Filling, OfTheFluidIsCubic) {
     sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_FLUID;
     Body made(p);
     ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
     for (int a = 0; a < 3; a++)
@@ -331,6 +336,7 @@ TEST(Filling, CrossesAHoleWithAFlatLid) {
 
 TEST(Filling, MeetsSmallCountsAndRefusesImpossibleOnes) {
     sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_FLUID; /* the solid has no particle free in four layers */
     p.preset = SPHM_PRESET_BELLY;
     for (int64_t count : {8, 37, 101, 500}) {
         p.particles = count;
