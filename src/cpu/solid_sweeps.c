@@ -209,8 +209,8 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
         trace += P[d] * F[d];
     b->J[i] = J;
     b->pressure[i] = trace / (-3 * J) + constants->surface_Pa; /* of the tissue proper */
-    b->modulus[i] =
-        sphm_solid_wave_modulus(F, J, &fibre, constants) + constants->rate_stiffness_Pa * b->activation[i];
+    b->modulus[i] = sphm_solid_wave_modulus(F, J, f0, &fibre, constants) +
+                    constants->rate_stiffness_Pa * b->activation[i];
     b->fibre_rate[i] = fibre_rate;
 #pragma GCC unroll 9
     for (int d = 0; d < 9; ++d)

@@ -256,18 +256,27 @@ SPHM_FN void sphm_solid_add_viscous_stress(const sphm_real F[9], const sphm_real
 }
 
 /* An upper estimate of the stiffness of the tissue against a plane wave, Pa: rho c^2 <= this for every
- * direction. With n the deformed unit normal, the volume term gives K (1 + |ln J|) |F^-T|^2 at most; the
- * shear terms a few G |F^-T|^2 (they are small beside K: counted fivefold); the fibre its tangent, and its
- * tension as a string has it. */
-SPHM_FN sphm_real sphm_solid_wave_modulus(const sphm_real F[9], sphm_real J, const sphm_fibre_stress *fibre,
-                                          const sphm_solid_constants *c) {
-    sphm_real K[9];
+ * direction. With n the deformed unit normal, the volume term gives K (1 + |ln J|) |F^-T|^2 at most, the
+ * cross-fibre shear a few G2 |F^-T|^2 (small beside K: counted fivefold). W1 = G1 |s|^2 with s =
+ * F_a^T F f0/lambda^2, F_a what F does across the fibre; a wave changes s by at most
+ * sqrt(1/lambda^2 + |F_a|^2/lambda^4), which makes fibres that are short and sheared at once very stiff, and
+ * the part with s'' is below as much again. The fibre itself gives its tangent, and its tension as a string
+ * has it. */
+SPHM_FN sphm_real sphm_solid_wave_modulus(const sphm_real F[9], sphm_real J, const sphm_real f0[3],
+                                          const sphm_fibre_stress *fibre, const sphm_solid_constants *c) {
+    sphm_real K[9], along = 0, all = 0;
     sphm_solid_cofactor(F, K);
-    const sphm_real thinning = sphm_solid_thinning(K, 1 / J);
-    const sphm_real matrix = c->bulk_Pa * (1 + sphm_solid_magnitude(sphm_ln(J))) +
-                             5 * (c->along_fibre_shear_Pa + c->cross_fibre_shear_Pa);
+    for (int i = 0; i < 3; ++i) {
+        const sphm_real a = F[3 * i] * f0[0] + F[3 * i + 1] * f0[1] + F[3 * i + 2] * f0[2];
+        along += a * a;
+        all += F[3 * i] * F[3 * i] + F[3 * i + 1] * F[3 * i + 1] + F[3 * i + 2] * F[3 * i + 2];
+    }
+    const sphm_real inverse = 1 / along, thinning = sphm_solid_thinning(K, 1 / J);
+    const sphm_real matrix =
+        c->bulk_Pa * (1 + sphm_solid_magnitude(sphm_ln(J))) + 5 * c->cross_fibre_shear_Pa;
+    const sphm_real along_fibre = 4 * c->along_fibre_shear_Pa * inverse * (1 + (all - along) * inverse);
     const sphm_real tension = sphm_solid_magnitude(fibre->active_Pa + fibre->passive_Pa);
-    return matrix * (thinning > 1 ? thinning : 1) +
+    return matrix * (thinning > 1 ? thinning : 1) + along_fibre +
            J * (fibre->tangent_Pa + tension / (fibre->stretch * fibre->stretch));
 }
 

@@ -35,8 +35,8 @@ SPHM_FN void sphm_solid_evaluate(const sphm_solid_tissue *t, const sphm_real H[9
         trace += P[d] * F[d];
     result->J = J;
     result->pressure_Pa = trace / (-3 * J) + t->constants.surface_Pa; /* of the tissue proper */
-    result->modulus_Pa =
-        sphm_solid_wave_modulus(F, J, &fibre, &t->constants) + t->constants.rate_stiffness_Pa * activation;
+    result->modulus_Pa = sphm_solid_wave_modulus(F, J, f0, &fibre, &t->constants) +
+                         t->constants.rate_stiffness_Pa * activation;
     const sphm_real half_k = t->hourglass_Pa / 2, tau = t->hourglass_time_s;
     for (int r = 0; r < 9; r += 3) {
         result->A[r] = P[r] * b[0] + P[r + 1] * b[1] + P[r + 2] * b[2] - half_k * (H[r] + tau * rate[r]);
