@@ -48,7 +48,7 @@ def equilibria(r, size, elongation, law, order, alphas):
                 body.solve(alpha=goal, say=r.say)
             except fem.NoSolution as end:
                 step /= 3
-                if step < 0.015:
+                if step < 0.015 or body.solves > statics.MOST_SOLVES:
                     r.note(f"Finite elements of order {order}, {body.cells} tetrahedra of a quarter, "
                            f"{'volume-free' if law.volume_free else 'true'} stretch: no equilibrium found above activation "
                            f"{now:.3f} ({end}).")
