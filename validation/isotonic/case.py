@@ -24,7 +24,7 @@ def fem_curve(r, alpha, size, law, least=-0.068):
     """Equilibria from rest length on: [shift of the insertion, m; end force, N], and tetrahedra."""
     import fem
 
-    body = fem.Body(fem.belly_mesh(size, 0.1 - belly.PLANE, 0.1 + belly.PLANE, elongation=8), law, 2, quarter=True)
+    body = fem.Body(fem.belly_mesh(size, 0.1 - belly.PLANE, 0.1 + belly.PLANE, elongation=4), law, 2, quarter=True)
     body.solve(alpha=0.03)
     body.solve(alpha=alpha)
     curve, shift, step = [(0.0, body.end_force()[0])], 0.0, 0.004
@@ -77,7 +77,7 @@ def run(r):
     rows = []
     figure, axes = plt.subplots()
     for k, alpha in enumerate(alphas):
-        curve, cells = finite_elements(r, alpha, 0.004 if r.quick else 0.002)
+        curve, cells = finite_elements(r, alpha, 0.004 if r.quick else 0.0025)
         axes.plot(-1e3 * curve[:, 0], curve[:, 1], f"C{k}^-", ms=3, label=f"finite elements, activation {alpha}")
         done = {}
         for load in LOADS[alpha]:
