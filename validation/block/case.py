@@ -2,6 +2,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import sphm
+import statics
 from material import Material
 from sphm import INSERTION
 
@@ -54,7 +55,8 @@ def particles(r, case, spacing):
     return -m.wrench(INSERTION)["force_N"], free, m.spacing
 
 
-def elements(r, case, free, size):
+def end_vector(r, case, free, size):
+    """Force on the moved face of finite elements, and how many they are."""
     import fem
 
     name, shape, constants, alpha, shift = case
@@ -63,7 +65,16 @@ def elements(r, case, free, size):
     steps = 5
     for k in range(1, steps + 1):
         body.solve(alpha=alpha * k / steps, shift=np.array(shift) * free * k / steps, say=r.say)
-    return body.end_vector(), body.cells
+    return body.end_vector().tolist(), body.cells
+
+
+def finite_elements(r, case, free, size):
+    """The same, for a length between the held faces that is known to a micrometre."""
+    name, shape, constants, alpha, shift = case
+    free = round(free, 6)
+    part = f"elements_{CASES.index(case)}_{1e3 * free:g}mm_{1e3 * size:g}mm"
+    return statics.part(r, part, lambda: end_vector(r, case, free, size), law_of(constants), (end_vector,), free=free, size=size,
+                         section=SIZES[shape][1:3], alpha=alpha, shift=shift)
 
 
 def run(r):
@@ -76,7 +87,7 @@ def run(r):
         along = 1 if case[4][1] else 0
         for spacing in spacings[shape]:
             force, free, actual = particles(r, case, spacing)
-            reference, cells = elements(r, case, free, sizes[shape])
+            reference, cells = finite_elements(r, case, free, sizes[shape])
             size = np.linalg.norm(reference)
             error = 100 * np.linalg.norm(force - reference) / size
             rows.append([name, 1e3 * actual, 1e3 * free, cells, *map(float, force[:2]), *map(float, reference[:2]), error])

@@ -4,6 +4,7 @@ import pathlib
 
 import matplotlib.pyplot as plt
 import numpy as np
+import statics
 from material import Material
 from scipy.optimize import brentq
 from sphm import INSERTION
@@ -19,12 +20,11 @@ and 0.3, without a load and with one, with particles and with quadratic finite e
 LOADS = {0.1: (0.0, 10.0), 0.3: (0.0, 25.0)}
 
 
-def fem_curve(r, alpha, size, least=-0.068):
-    """Equilibria from rest length on: (shift of the insertion, m; end force, N)."""
+def fem_curve(r, alpha, size, law, least=-0.068):
+    """Equilibria from rest length on: [shift of the insertion, m; end force, N], and tetrahedra."""
     import fem
 
-    body = fem.Body(fem.belly_mesh(size, 0.1 - belly.PLANE, 0.1 + belly.PLANE), Material(volume_free=True), 2,
-                    quarter=True)
+    body = fem.Body(fem.belly_mesh(size, 0.1 - belly.PLANE, 0.1 + belly.PLANE, elongation=4), law, 2, quarter=True)
     body.solve(alpha=0.03)
     body.solve(alpha=alpha)
     curve, shift, step = [(0.0, body.end_force()[0])], 0.0, 0.004
@@ -37,7 +37,14 @@ def fem_curve(r, alpha, size, least=-0.068):
         shift -= step
         curve.append((shift, body.end_force()[0]))
         r.say(f"finite elements, activation {alpha}: shift {1e3 * shift:.1f} mm, {curve[-1][1]:.2f} N")
-    return np.array(curve), body.cells
+    return curve, body.cells
+
+
+def finite_elements(r, alpha, size):
+    law = Material(volume_free=True)
+    curve, cells = statics.part(r, f"elements_{alpha:g}_{1e3 * size:g}mm", lambda: fem_curve(r, alpha, size, law), law,
+                                 (fem_curve,), plane=belly.PLANE, alpha=alpha, size=size)
+    return np.array(curve), cells
 
 
 def shortening(curve, load):
@@ -70,7 +77,7 @@ def run(r):
     rows = []
     figure, axes = plt.subplots()
     for k, alpha in enumerate(alphas):
-        curve, cells = fem_curve(r, alpha, 0.012 if r.quick else 0.009)
+        curve, cells = finite_elements(r, alpha, 0.004 if r.quick else 0.0025)
         axes.plot(-1e3 * curve[:, 0], curve[:, 1], f"C{k}^-", ms=3, label=f"finite elements, activation {alpha}")
         done = {}
         for load in LOADS[alpha]:

@@ -48,7 +48,8 @@ def main():
     parser.add_argument("cases", nargs="*", metavar="CASE", help="only these; all by default: " + ", ".join(CASES))
     parser.add_argument("--quick", action="store_true", help="coarse, in minutes; results go to build/validation-quick")
     parser.add_argument("--continue", dest="go_on", action="store_true",
-                        help="take the parts that an interrupted run of a long case finished from build/validation-parts")
+                        help="take the parts of long cases that earlier runs finished, and that would come out the same, from "
+                             "build/validation-parts")
     parser.add_argument("--report", action="store_true", help="run nothing: write the report of the results that are kept")
     parser.add_argument("--threads", type=int, default=0, help="of the muscle; 0 (default): all there are")
     options = parser.parse_args()

@@ -13,12 +13,13 @@ class Field:
         corners = nodes[cells[:, :4]]
         self.first = corners[:, 0]
         self.inverse = np.linalg.inv(np.stack([corners[:, k] - corners[:, 0] for k in (1, 2, 3)], 2))
-        self.tree = cKDTree(corners.mean(1))
+        self.scale = np.ptp(corners, axis=1).mean(0)  # tetrahedra may be longer along one axis
+        self.tree = cKDTree(corners.mean(1) / self.scale)
 
     def at(self, points, nearest=30):
         """Values at points; a point outside (a surface of flat faces cuts corners) continues the cell that is nearest in
         barycentric coordinates."""
-        _, candidates = self.tree.query(points, min(nearest, len(self.cells)))
+        _, candidates = self.tree.query(points / self.scale, min(nearest, len(self.cells)))
         local = np.einsum("pcij,pcj->pci", self.inverse[candidates], points[:, None] - self.first[candidates])
         barycentric = np.concatenate([1 - local.sum(2, keepdims=True), local], 2)
         best = barycentric.min(2).argmax(1)

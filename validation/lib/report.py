@@ -47,6 +47,9 @@ def section(case, result, folder, command):
                f"source <code>validation/{case.NAME}/case.py</code></p>")
     out.append(criteria_table(result))
     out += [f"<p>{html.escape(n)}</p>" for n in result["notes"]]
+    if result.get("parts"):
+        out.append("<p class=small>In parts (processor time, commit): " + html.escape("; ".join(
+            f"{p['name']} ({p['seconds']:.0f} s, {p['commit']})" for p in result["parts"])) + "</p>")
     for f in result["figures"]:
         data = base64.b64encode((folder / f"{f['name']}.svg").read_bytes()).decode()
         out.append(f"<figure><img alt='{html.escape(f['name'])}' src='data:image/svg+xml;base64,{data}'>"

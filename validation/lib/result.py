@@ -23,7 +23,8 @@ def commit(root):
     """The commit of the sources, with a + when they differ from it."""
     run = lambda *a: subprocess.run(["git", "-C", str(root), *a], capture_output=True, text=True).stdout.strip()
     changed = run("status", "--porcelain", "--untracked-files=no")
-    relevant = [l for l in changed.splitlines() if not ("/result/" in l or "/report/" in l)]
+    written = ("/result/", "/report/", " README.md")  # by a run
+    relevant = [l for l in changed.splitlines() if not any(w in l for w in written)]
     return (run("rev-parse", "--short=10", "HEAD") or "unknown") + ("+" if relevant else "")
 
 
@@ -36,7 +37,7 @@ class Result:
         self.folder.mkdir(parents=True)
         self.began = time.time()
         self.data = {"case": case, "quick": quick, "commit": commit(root), "criteria": [], "tables": [],
-                     "figures": [], "notes": []}
+                     "figures": [], "notes": [], "parts": []}
         self._last = 0.0
 
     def say(self, text):
@@ -49,24 +50,30 @@ class Result:
             print(f"  {time.time() - self.began:6.0f} s  {text}", file=sys.stderr, flush=True)
             self._last = time.time()
 
-    def part(self, name, compute):
+    def part(self, name, compute, key=None):
         """What compute() returns (anything JSON can hold), with the notes it made: kept, so that an interrupted run of a long
-        case can go on (--continue)."""
+        case can go on (--continue). `key` holds all that determines it: a part with the same key is taken, whatever commit it
+        is of. Without one it must be of this commit, and of sources without changes of their own."""
         path = self.root / "build" / "validation-parts" / self.case / f"{name}.json"
-        if self.go_on and not self.quick and path.exists():
-            kept = json.loads(path.read_text())
-        else:
-            before = len(self.data["notes"])
-            value = compute()
-            kept = {"commit": self.data["commit"], "value": value, "notes": self.data["notes"][before:]}
-            del self.data["notes"][before:]
+        key = json.loads(json.dumps(key or {"commit": self.data["commit"]}))
+        kept = json.loads(path.read_text()) if self.go_on and not self.quick and path.exists() else {}
+        if kept.get("key") != key or key.get("commit", "").endswith("+"):
+            kept = self._compute(compute, key)
             if not self.quick:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(json.dumps(kept))
+                path.with_suffix(".new").write_text(json.dumps(kept))
+                path.with_suffix(".new").replace(path)  # at once: a run may be interrupted here
         self.data["notes"] += kept["notes"]
-        if kept["commit"] != self.data["commit"]:
-            self.note(f"{name} was computed at commit {kept['commit']}.")
+        self.data["parts"].append({"name": name, "commit": kept["commit"], "seconds": kept["seconds"]})
+        self.save()
         return kept["value"]
+
+    def _compute(self, compute, key):
+        before, began = len(self.data["notes"]), time.process_time()
+        value = compute()
+        made, self.data["notes"][before:] = self.data["notes"][before:], []
+        return {"key": key, "commit": self.data["commit"], "seconds": round(time.process_time() - began, 1), "value": value,
+                "notes": made}
 
     def check(self, what, value, below=None, above=None, unit="%"):
         """A criterion: |value| <= below, or value >= above. NaN fails."""

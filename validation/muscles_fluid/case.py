@@ -33,15 +33,11 @@ SUPPORTS = ((0.02, 0.02, 4944), (0.02, 0.04, 4944), (0.04, 0.04, 4944), (0.04, 0
 
 
 def reference(r, name):
-    """(preset, plane, body, state) of quadratic elements."""
-    preset = presets.Preset(name)
-    plane = preset.section(0.9)
-    for tetrahedra in (1500, 1000):  # the finer ones of the vastus have no equilibrium there; the fluid is far from both
-        body, states, end = presets.follow(r, preset, preset.mesh(tetrahedra, plane), 2, triceps.law_of("true_stretch"),
-                                           (0.1, ALPHA))
-        if not end:
-            return preset, plane, body, states[-1]
-        r.note(f"{name}: no equilibrium of finite elements of {end}.")
+    """(plane, reference, state) of quadratic elements."""
+    for tetrahedra in (5000, 1500):
+        made = triceps.reference(r, name, 2, tetrahedra, 8, "true_stretch", (0.1, ALPHA))
+        if made.at(ALPHA):
+            return presets.Preset(name).section(triceps.HELD), made, made.at(ALPHA)
     raise RuntimeError(f"no reference for {name}")
 
 
@@ -56,7 +52,7 @@ def contracted(m):
             "regions": [p["pressure_Pa"][free & (m.region == k)].mean() for k in range(3)]}
 
 
-def calibrate(r, name, plane, body, state, particles, most):
+def calibrate(r, name, plane, made, state, particles, most):
     """Least RMSE of the displacement; (constants, RMSE over the peak in per cent, trials)."""
     trials = []
 
@@ -67,7 +63,7 @@ def calibrate(r, name, plane, body, state, particles, most):
             return 100 * (1 + outside)
         try:
             m = fluid(name, particles, plane, dict(zip(NAMES, map(float, values))))
-            share = triceps.measures(m, body, state, contracted(m))["rms_share"]
+            share = triceps.measures(m, made, state, contracted(m))["rms_share"]
         except Refused:
             share = 100.0
         trials.append([*values, share])
@@ -91,7 +87,7 @@ def curve(r, m):
     return rows
 
 
-def supports(r, name, plane, body, state, constants):
+def supports(r, name, plane, made, state, constants):
     rows = []
     for h, cell, most in SUPPORTS:
         for count in (2231, 4944):
@@ -101,7 +97,7 @@ def supports(r, name, plane, body, state, constants):
             unit = sphm.Muscle(tissue="fluid", preset=name, particles=count, **more).support / h
             try:
                 m = fluid(name, count, plane, constants, cell_size=cell * unit, **more)
-                got = triceps.measures(m, body, state, contracted(m))
+                got = triceps.measures(m, made, state, contracted(m))
                 rows.append([name, h, cell, m.count, int(m.isolated), 1e3 * got["rms"], got["rms_share"], got["pressure"], ""])
             except Refused as end:
                 rows.append([name, h, cell, count, -1, np.nan, np.nan, np.nan, f"stopped: {end}"])
@@ -112,17 +108,17 @@ def supports(r, name, plane, body, state, constants):
 def run(r):
     names = list(presets.SHAPES)[:1] if r.quick else list(presets.SHAPES)
     models = {n: reference(r, n) for n in names}
-    _, plane, body, state = models[names[0]]
-    constants, coarse, trials = calibrate(r, names[0], plane, body, state, COARSE, 6 if r.quick else 40)
+    plane, made, state = models[names[0]]
+    constants, coarse, trials = calibrate(r, names[0], plane, made, state, COARSE, 6 if r.quick else 40)
     r.table("calibration", f"Trials at about {COARSE} particles of {names[0]}; the first is the default.",
             ["tension (Pa)", "k (m2/s2)", "omega (rad/s)", "RMSE over the peak (%)"], trials)
     rows, regions, curves, shares = [], [], [], {}
-    for name, (preset, plane, body, state) in models.items():
+    for name, (plane, made, state) in models.items():
         for count in COUNTS[:1] if r.quick else COUNTS:
             m = fluid(name, count, plane, constants)
-            got = triceps.measures(m, body, state, contracted(m))
+            got = triceps.measures(m, made, state, contracted(m))
             mean = 100 * (got["mean_u"] / got["their_mean_u"] - 1)
-            still = 100 * presets.rms(presets.Comparison(m, body).elements(state)) / state["max_u"]
+            still = 100 * presets.rms(presets.Comparison(m, made).elements(state)) / state["max_u"]
             rows.append([name, m.count, 1e3 * got["rms"], got["rms_share"], still, 1e3 * got["mean_u"], 1e3 * got["their_mean_u"],
                          mean, got["pressure"], got["pressure_share"]])
             regions += [[name, m.count, region, *(1e3 * got[region, p] for p in PLANES), got[region, "pressure"]]
@@ -138,7 +134,7 @@ def run(r):
     r.csv("curves", ["muscle", "time (s)", "mean displacement (mm)"], curves)
     judge(r, names, shares, trials)
     if not r.quick:
-        found = [row for n in names for row in supports(r, n, models[n][1], models[n][2], models[n][3], constants)]
+        found = [row for n in names for row in supports(r, n, *models[n], constants)]
         r.table("supports", "By support radius and search cell, in the paper's units.",
                 ["muscle", "h", "cell", "particles", "isolated", "RMSE (mm)", "over the peak (%)", "pressure, difference (Pa)", ""],
                 found)
@@ -161,7 +157,7 @@ def figure(r, names, curves, models):
     for k, name in enumerate(names):
         rows = np.array([x[1:] for x in curves if x[0] == name])
         axes.plot(1e3 * rows[:, 0], rows[:, 1], f"C{k}", label=name + (" (calibrated)" if k == 0 else " (predicted)"))
-        axes.axhline(1e3 * models[name][3]["mean_u"], color=f"C{k}", ls=":", lw=1)
+        axes.axhline(1e3 * models[name][2]["mean_u"], color=f"C{k}", ls=":", lw=1)
     axes.axvline(250, color="k", lw=0.5)
     axes.set(xlabel="step (1 ms)", ylabel="mean displacement of the free part (mm)")
     axes.legend()

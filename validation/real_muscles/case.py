@@ -4,9 +4,9 @@ import os
 import pathlib
 
 import numpy as np
-import presets
 import real_mesh
 import sphm
+import statics
 from presets import PLANES, REGIONS
 
 spec = importlib.util.spec_from_file_location("triceps", pathlib.Path(__file__).parents[1] / "triceps" / "case.py")
@@ -95,13 +95,14 @@ def one(r, name, path, tables):
     held, bodies = first.held(), []
     for order, about in ELEMENTS:
         grid, share = mesh(first, about)
-        body, states, end = presets.follow(r, first, grid, order, triceps.law_of("true_stretch"), LEVELS, held=held)
-        if end:
-            r.note(f"{name}: no equilibrium of finite elements of {end}.")
-        bodies.append((order, body, states))
-        r.check(f"{name}, {body.cells} tetrahedra: volume less that of the surface", 100 * (share - 1), below=3)
-        tables["elements"] += [[name, f"tet{4 if order == 1 else 10}", body.cells, 100 * share, s["alpha"], s["force"],
-                                1e3 * s["mean_u"], 1e3 * s["max_u"], s["pressure"], s["seconds"]] for s in states]
+        made = statics.Reference(statics.follow(r.say, grid, order, triceps.law_of("true_stretch"), LEVELS,
+                                                (first.section(0.2), first.section(0.8)), held=held))
+        if made.end:
+            r.note(f"{name}: no equilibrium of finite elements of {made.end}.")
+        bodies.append(made)
+        r.check(f"{name}, {made.whole} tetrahedra: volume less that of the surface", 100 * (share - 1), below=3)
+        tables["elements"] += [[name, made.kind, made.whole, 100 * share, s["alpha"], s["force"], 1e3 * s["mean_u"],
+                                1e3 * s["max_u"], s["pressure"], s["seconds"]] for s in made.states]
     for count in COUNTS:
         turned = Turned(filled(surface, count))
         for alpha in LEVELS:
@@ -111,14 +112,13 @@ def one(r, name, path, tables):
                 r.note(f"{name}, {turned.count} particles stopped at activation {alpha}: {end}")
                 break
             r.say(f"{name}, {turned.count} particles, activation {alpha}")
-            for order, body, states in bodies:
-                for theirs in (s for s in states if s["alpha"] == alpha):
-                    got = triceps.measures(turned, body, theirs, state)
-                    tables["pairs"].append([name, turned.count, f"tet{4 if order == 1 else 10}", body.cells, alpha, 1e3 * got["rms"],
-                                            got["rms_share"], got["pressure"], got["pressure_share"], got["force"]])
-                    if order == 2:
-                        tables["regions"] += [[name, turned.count, alpha, region, *(1e3 * got[region, p] for p in PLANES),
-                                               got[region, "pressure"]] for region in REGIONS]
+            for made in (x for x in bodies if x.at(alpha)):
+                got = triceps.measures(turned, made, made.at(alpha), state)
+                tables["pairs"].append([name, turned.count, made.kind, made.whole, alpha, 1e3 * got["rms"], got["rms_share"],
+                                        got["pressure"], got["pressure_share"], got["force"]])
+                if made.order == 2:
+                    tables["regions"] += [[name, turned.count, alpha, region, *(1e3 * got[region, p] for p in PLANES),
+                                           got[region, "pressure"]] for region in REGIONS]
 
 
 def run(r):

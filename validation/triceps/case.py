@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import presets
 import sphm
+import statics
 from material import Material
 from presets import PLANES, REGIONS, rms
 
@@ -19,8 +20,11 @@ absolute and over the peak; and the mean displacement through 250 steps of 1 ms 
 LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5)
 JUDGED = (0.1, 0.3, 0.5)
 COUNTS = (2231, 4944, 9888, 18475)
-LINEAR = (1000, 5000, 20000)  # tetrahedra of the whole, three of the paper's six sizes
-QUADRATIC = (1500, 5000)
+# Order, tetrahedra of the whole and their length along the fibres over that across: three of the paper's six sizes, and what
+# judges, the finest last.
+ELEMENTS = ((1, 1000, 1), (1, 5000, 1), (1, 20000, 1), (2, 5000, 1), (2, 1500, 8), (2, 5000, 8), (2, 15000, 8))
+ELEMENTS_QUICK = ((1, 1000, 1), (2, 1500, 8))
+HELD = 0.9  # share of the volume below the upper held plane, and above the lower one
 CURVE_TO = 0.3  # activation of the contraction curves: above, fillings of the triceps run away
 # s at a level, up and down (activation falls with a time constant of 40 ms); end force and positions are means over the
 # last part of it. Three times as long changed the displacement by 0.1 % of the peak.
@@ -91,9 +95,9 @@ def ramp(r, m, top):
 
 # Compared -------------------------------------------------------------------------------------------------
 
-def measures(m, body, state, particles):
+def measures(m, reference, state, particles):
     """What the paper compares, of one pair at one level; displacements in m, pressures in Pa, shares in per cent."""
-    pair = presets.Comparison(m, body)
+    pair = presets.Comparison(m, reference)
     off, theirs = pair.difference(particles["u"], state), pair.elements(state)
     out = {"rms": rms(off), "rms_share": 100 * rms(off) / state["max_u"],
            "mean_u": np.linalg.norm(particles["u"][pair.free], axis=1).mean(), "their_mean_u": np.linalg.norm(theirs, axis=1).mean(),
@@ -107,47 +111,50 @@ def measures(m, body, state, particles):
     return out
 
 
-def elements(r, preset, plane, law, quick):
-    """(kind, number, body, states) of every mesh, the judge last."""
-    out = []
-    sizes = [(1, n) for n in ((1000,) if quick else LINEAR)] + [(2, n) for n in ((1500,) if quick else QUADRATIC)]
-    for order, n in sizes:
-        body, states, end = presets.follow(r, preset, preset.mesh(n, plane), order, law, LEVELS[:3] if quick else LEVELS)
-        if end:
-            r.note(f"{preset.name}, {'volume-free' if law.volume_free else 'true'} stretch: no equilibrium of finite elements of "
-                   f"{end}.")
-        out.append((order, 2 * body.cells, body, states))
-    return out
+def mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels):
+    return statics.follow(r.say, preset.mesh(tetrahedra, preset.section(HELD), elongation), order, law, levels,
+                          (preset.section(0.2), preset.section(0.8)))
 
 
-def judge_state(meshes, alpha):
-    """(body, state) of the finest quadratic mesh that has an equilibrium there, or None."""
-    found = [(cells, body, s) for order, cells, body, states in meshes if order == 2 for s in states if s["alpha"] == alpha]
-    return max(found, key=lambda f: f[0])[1:] if found else None
+def reference(r, name, order, tetrahedra, elongation, coupling, levels):
+    """Finite elements of a preset, held in the planes beyond which lie 10 % of the volume each, as a part of the case."""
+    preset, law = presets.Preset(name), law_of(coupling)
+    part = f"elements_{name}_{coupling}_p{order}_{tetrahedra}_{elongation}"
+    made = statics.part(r, part, lambda: mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels), law,
+                        (mesh_and_follow, presets.Preset), shape=preset.shape, held=HELD, order=order, tetrahedra=tetrahedra,
+                        elongation=elongation, levels=levels)
+    if made["end"]:
+        r.note(f"{name}, {coupling}: no equilibrium of finite elements of {made['end']}.")
+    return statics.Reference(made)
 
 
-def plane_of(preset, count):
-    """Where a filling is clamped: 10 % of the volume lie beyond."""
-    nominal = preset.section(0.9)
-    m = muscle(preset.name, count, nominal, "true_stretch")
+def elements(r, name, coupling):
+    """Every mesh, the judge last."""
+    return [reference(r, name, *mesh, coupling, levels_of(r.quick)) for mesh in (ELEMENTS_QUICK if r.quick else ELEMENTS)]
+
+
+def levels_of(quick):
+    return LEVELS[:3] if quick else LEVELS
+
+
+def checked(m, preset):
+    """The muscle, if it is the preset of the elements."""
     if abs(m.volume / preset.volume - 1) > 2e-3:
         raise ValueError(f"lib/presets.py has another {preset.name} than the library: {preset.volume} and {m.volume} m3")
-    return m.clamps()[1]
+    return m
 
 
-def one(r, name, coupling, quick):
+def one(r, name, coupling, meshes, quick):
     """The rows of all tables for one muscle and one coupling."""
     tables = {k: [] for k in KINDS}
     preset = presets.Preset(name)
     counts = COUNTS[:1] if quick else COUNTS
-    levels = LEVELS[:3] if quick else LEVELS
-    plane = plane_of(preset, counts[-1])
-    meshes = elements(r, preset, plane, law_of(coupling), quick)
-    for order, cells, body, states in meshes:
-        tables["elements"] += [[name, coupling, f"tet{4 if order == 1 else 10}", cells, s["alpha"], s["force"], 1e3 * s["mean_u"],
-                                1e3 * s["max_u"], s["pressure"], s["peak_pressure"], s["J"], s["seconds"]] for s in states]
+    levels, plane = levels_of(quick), preset.section(HELD)
+    for x in meshes:
+        tables["elements"] += [[name, coupling, x.kind, x.whole, s["alpha"], s["force"], 1e3 * s["mean_u"], 1e3 * s["max_u"],
+                                s["pressure"], s["peak_pressure"], s["J"], s["seconds"]] for s in x.states]
     for count in counts:
-        m = muscle(name, count, plane, coupling)
+        m = checked(muscle(name, count, plane, coupling), preset)
         up, down, seconds = staircase(r, m, levels if count == counts[0] else JUDGED, count == counts[0])
         worst = max((np.linalg.norm(a["u"] - b["u"], axis=1).max() / np.linalg.norm(b["u"], axis=1).max()
                      for a, b in zip(up, down)), default=np.nan)
@@ -156,13 +163,13 @@ def one(r, name, coupling, quick):
         for particles in up:
             compare(name, coupling, m, meshes, particles, tables)
     curve(r, name, coupling, muscle(name, counts[-2] if len(counts) > 1 else counts[0], plane, coupling), meshes, levels, tables)
-    best = judge_state(meshes, 0.3)
+    best = statics.judge(meshes, 0.3)
     if best and not quick and coupling == "true_stretch":
-        body, state = best
+        reference, state = best
         for ratio in (2.0, 2.3, 3.0):
             m = muscle(name, COUNTS[1], plane, coupling, smoothing_ratio=ratio)
             try:
-                got = measures(m, body, state, at_rest(m, 0.3))
+                got = measures(m, reference, state, at_rest(m, 0.3))
             except sphm.Refused as end:
                 r.note(f"{m.count} particles, support {ratio} spacings, stopped at activation 0.3 ({m.label}): {end}")
                 continue
@@ -173,18 +180,17 @@ def one(r, name, coupling, quick):
 
 def compare(name, coupling, m, meshes, particles, tables):
     alpha = particles["alpha"]
-    for order, cells, body, states in meshes:
-        for state in (s for s in states if s["alpha"] == alpha):
-            got = measures(m, body, state, particles)
-            tables["pairs"].append([name, coupling, m.count, f"tet{4 if order == 1 else 10}", cells, alpha, 1e3 * got["rms"],
-                                    got["rms_share"], got["pressure"], got["pressure_share"], got["force"]])
-    best = judge_state(meshes, alpha)
+    for x in (x for x in meshes if x.at(alpha)):
+        got = measures(m, x, x.at(alpha), particles)
+        tables["pairs"].append([name, coupling, m.count, x.kind, x.whole, alpha, 1e3 * got["rms"], got["rms_share"],
+                                got["pressure"], got["pressure_share"], got["force"]])
+    best = statics.judge(meshes, alpha)
     if best:
-        body, state = best
-        got = measures(m, body, state, particles)
+        reference, state = best
+        got = measures(m, reference, state, particles)
         tables["judged"].append([name, coupling, m.count, alpha, 1e3 * got["rms"], got["rms_share"], got["pressure"],
                                  got["pressure_share"], got["force"], 100 * (got["mean_u"] / got["their_mean_u"] - 1),
-                                 2 * body.cells])
+                                 reference.whole])
         for region in REGIONS:
             tables["regions"].append([name, coupling, m.count, alpha, region, *(1e3 * got[region, p] for p in PLANES),
                                       *(100 * got[region, p] / state["max_u"] for p in PLANES), got[region, "pressure"]])
@@ -192,7 +198,7 @@ def compare(name, coupling, m, meshes, particles, tables):
 
 def curve(r, name, coupling, m, meshes, levels, tables):
     """Figures 10 and 11: the particles' mean displacement, and that of the elements at the activation they have then."""
-    reached = [judge_state(meshes, a) for a in levels]
+    reached = [statics.judge(meshes, a) for a in levels]
     known = [(s["alpha"], s["mean_u"]) for s in (b[1] for b in reached if b)]
     for t, activation, mean in ramp(r, m, min(levels[-1], CURVE_TO)):
         theirs = np.interp(activation, *zip(*known)) if known[0][0] <= activation <= known[-1][0] else np.nan
@@ -205,7 +211,8 @@ KINDS = ("elements", "pairs", "judged", "regions", "curves", "return", "support"
 
 
 def run(r, name="triceps_long_head", coupling="true_stretch"):
-    tables = r.part(f"{name}_{coupling}", lambda: one(r, name, coupling, r.quick))
+    meshes = elements(r, name, coupling)
+    tables = r.part(f"particles_{name}_{coupling}", lambda: one(r, name, coupling, meshes, r.quick))
     write(r, tables)
     judge(r, tables, coupling)
     figures(r, tables, name, coupling)
