@@ -127,10 +127,16 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
     return sphm_fluid_limits(b->model, b->speed_m_per_s, b->rest_density_min);
 }
 
+const char *const sphm_fluid_launch_names[SPHM_FLUID_LAUNCHES] = {
+    "list",   "box",    "lay_out", "bin",     "sort",     "starts", "reorder", "settle",
+    "count",  "scan",   "fill",    "correct", "weigh",    "sum",    "rigid",   "predict",
+    "smooth", "spread", "force",   "report",  "set_rest", "within"};
+
 static sphm_timing timing(const sphm_backend *backend) {
     const sphm_fluid_backend *b = look_inside(backend);
     const double *launch_s = b->ops->launch_times(b->device);
     sphm_timing t = b->timing;
+    sphm_device_report_launches(&t, launch_s, b->launch_s, sphm_fluid_launch_names, SPHM_FLUID_LAUNCHES);
     if (launch_s) { /* pressure and half of the cell model are part of smooth, the other half of force */
         double s[SPHM_FLUID_LAUNCHES];
         t.neighbours_s = 0;

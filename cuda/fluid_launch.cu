@@ -295,12 +295,6 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
 
 sphm_status sphm_cuda_launch_fluid(cudaStream_t stream, const sphm_fluid_device *d,
                                    const sphm_fluid_call *call, sphm_context *context) {
-    static const char *const names[SPHM_FLUID_LAUNCHES] = {
-        "launch list",     "launch box",     "launch lay_out", "launch bin",   "launch sort",
-        "launch starts",   "launch reorder", "launch settle",  "launch count", "launch scan",
-        "launch fill",     "launch correct", "launch weigh",   "launch sum",   "launch rigid",
-        "launch predict",  "launch smooth",  "launch spread",  "launch force", "launch report",
-        "launch set_rest", "launch within"};
     if (call->launch == SPHM_FLUID_SORT)
         return sphm_cuda_sort(stream, d, context);
     if (call->launch == SPHM_FLUID_SCAN)
@@ -308,5 +302,5 @@ sphm_status sphm_cuda_launch_fluid(cudaStream_t stream, const sphm_fluid_device 
     using namespace sphm_fluid_launches;
     if (!launch_rebuild(stream, *d, call->launch) && !launch_step(stream, *d, *call))
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);
-    return sphm_cuda_check(cudaGetLastError(), names[call->launch], context);
+    return sphm_cuda_check_launch(cudaGetLastError(), sphm_fluid_launch_names[call->launch], context);
 }

@@ -130,6 +130,8 @@ typedef struct sphm_fluid_call {
     int substep; /* spread: which diffusion sweep, 0 ... substeps - 2 */
 } sphm_fluid_call;
 
+extern const char *const sphm_fluid_launch_names[SPHM_FLUID_LAUNCHES]; /* fluid_backend.c */
+
 #ifdef __cplusplus
 }
 #endif

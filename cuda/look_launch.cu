@@ -19,7 +19,7 @@ template <int launch> sphm_status put(cudaStream_t stream, const sphm_look_devic
     const size_t threads = sphm_look_threads(&d, launch);
     const unsigned blocks = (unsigned)((threads + look_block_threads - 1) / look_block_threads);
     SPHM_LAUNCH(look<launch>, blocks, look_block_threads, stream, d);
-    return sphm_cuda_check(cudaGetLastError(), "launch a look", context);
+    return sphm_cuda_check_launch(cudaGetLastError(), "a look", context);
 }
 
 } // namespace

@@ -163,10 +163,6 @@ __global__ void __launch_bounds__(block_threads) snapshot(sphm_solid_device d, s
 
 sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
                                    const sphm_solid_call *call, sphm_context *context) {
-    static const char *const names[SPHM_SOLID_LAUNCHES] = {
-        "launch hits",     "launch end_force", "launch end_sum", "launch end_step",    "launch move",
-        "launch spread",   "launch strain",    "launch report",  "launch part_strain", "launch part_force",
-        "launch part_sum", "launch snapshot",  "launch steps"};
     const sphm_solid_device &d = *solid;
     const unsigned rows = blocks_of(d.count, block_particles), particles = blocks_of(d.count, block_threads),
                    partials = blocks_of(SPHM_SOLID_PARTIALS, block_threads);
@@ -214,11 +210,11 @@ sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device 
         SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, *call);
         break;
     case SPHM_SOLID_STEPS:
-        return sphm_cuda_check(
+        return sphm_cuda_check_launch(
             sphm_launch_together(steps, rows, block_threads, stream, d, call->launches, call->step),
-            names[call->launch], context);
+            sphm_solid_launch_names[call->launch], context);
     default:
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);
     }
-    return sphm_cuda_check(cudaGetLastError(), names[call->launch], context);
+    return sphm_cuda_check_launch(cudaGetLastError(), sphm_solid_launch_names[call->launch], context);
 }

@@ -375,6 +375,12 @@ TEST(CudaKernels, TimesItsLaunches) {
     EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
     EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
     EXPECT_EQ(timing.diffusion_s, 0);
+    ASSERT_EQ(timing.launch_kinds, SPHM_SOLID_LAUNCHES);
+    for (size_t k = 0; k < timing.launch_kinds; ++k) {
+        const std::string name = timing.launch_name[k];
+        const bool taken = name == "move" || name == "strain";
+        EXPECT_NEAR(timing.launch_s[k], taken ? 0.032 : name == "report" ? 0.001 : 0, 1e-9) << name;
+    }
 }
 
 TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {
