@@ -74,10 +74,11 @@ tell "device: ${device:-none found by nvidia-smi}; $(nvcc --version 2>/dev/null 
 
 # Build: for the device that is here where it can be asked, else for all.
 build_all() {
-    local capability architectures=()
+    local capability architectures=() generator=()
+    command -v make >/dev/null || ! command -v ninja >/dev/null || generator=(-G Ninja)
     capability=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null | head -n 1 | tr -d '.')
     [[ $capability =~ ^[0-9]+$ ]] && architectures=("-DCMAKE_CUDA_ARCHITECTURES=$capability-real")
-    cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSPH_MUSCLE_ROS=OFF -DSPH_MUSCLE_CUDA=ON \
+    cmake "${generator[@]}" -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSPH_MUSCLE_ROS=OFF -DSPH_MUSCLE_CUDA=ON \
         -DSPH_MUSCLE_TESTS=OFF "${architectures[@]}" &&
         limited 180 cmake --build "$build" -j "$(nproc)"
 }
