@@ -201,6 +201,11 @@ static __global__ void __launch_bounds__(block_threads) within(sphm_fluid_device
         plus(), d.report->within);
 }
 
+static __global__ void __launch_bounds__(block_threads) snapshot(sphm_fluid_device d, sphm_fluid_call call) {
+    if (global_thread() < d.count)
+        sphm_fluid_snapshot_thread(&d, &call, global_thread());
+}
+
 /* Launches -------------------------------------------------------------------------------------------------
  */
 
@@ -285,6 +290,9 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
         return 1;
     case SPHM_FLUID_WITHIN:
         SPHM_LAUNCH(within, (unsigned)d.partials, block_threads, stream, d);
+        return 1;
+    case SPHM_FLUID_SNAPSHOT:
+        SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, call);
         return 1;
     default:
         return 0;

@@ -8,6 +8,7 @@
 #include "cuda/membrane_plan.h"
 #include "kernels/cells.h"
 #include "kernels/fluid_motion.h"
+#include "kernels/look.h"
 #include "kernels/pairs.h"
 
 #ifdef __cplusplus
@@ -120,14 +121,17 @@ enum {
     SPHM_FLUID_REPORT,
     SPHM_FLUID_SET_REST,
     SPHM_FLUID_WITHIN,
+    SPHM_FLUID_SNAPSHOT,
     SPHM_FLUID_LAUNCHES
 };
 
 /* One launch. */
 typedef struct sphm_fluid_call {
-    int launch;  /* SPHM_FLUID_... */
-    int step;    /* of the submission */
-    int substep; /* spread: which diffusion sweep, 0 ... substeps - 2 */
+    int launch;               /* SPHM_FLUID_... */
+    int step;                 /* of the submission */
+    int substep;              /* spread: which diffusion sweep, 0 ... substeps - 2 */
+    int buffer;               /* snapshot: of the potential */
+    sphm_look_particle *line; /* snapshot: [id], on the device */
 } sphm_fluid_call;
 
 extern const char *const sphm_fluid_launch_names[SPHM_FLUID_LAUNCHES]; /* fluid_backend.c */

@@ -355,4 +355,21 @@ SPHM_FN void sphm_fluid_within_thread(const sphm_fluid_device *d, size_t thread,
     }
 }
 
+/* Looks
+ * -------------------------------------------------------------------------------------------
+ */
+
+/* Particle i as it is now, for a look (cuda/look.h). */
+SPHM_FN void sphm_fluid_snapshot_thread(const sphm_fluid_device *d, const sphm_fluid_call *call, size_t i) {
+    sphm_look_particle *p = &call->line[d->id[i]];
+    sphm_load3(d->position, d->count, i, p->place_m);
+    sphm_load3(d->velocity, d->count, i, p->velocity_m_per_s);
+    p->density_kg_per_m3 = d->density[i];
+    p->pressure_Pa = d->pressure[i];
+    p->potential_mV = d->potential[(size_t)call->buffer * d->count + i];
+    p->recovery = d->recovery[i];
+    p->activation = d->activation[i];
+    p->unused = 0;
+}
+
 #endif

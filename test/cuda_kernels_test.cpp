@@ -176,6 +176,12 @@ void exercise_fluid(Muscle &muscle, std::vector<double> *numbers) {
     numbers->push_back(ops->limits(backend).smallest);
     numbers->push_back(ops->limits(backend).courant);
     numbers->push_back(ops->timing(backend).neighbours_per_particle);
+    // As the device packs them, on its second stream.
+    sphm_particles p{};
+    ++muscle.handle->changes;
+    ASSERT_EQ(sphm_muscle_particles(muscle.handle, &p, nullptr), SPHM_OK);
+    ASSERT_EQ(muscle.handle->looks.there, 1);
+    numbers->insert(numbers->end(), p.position_m, p.position_m + SPHM_LOOK_FIELDS * p.count);
 }
 
 // All three kinds of forces; more than one block in a reduction, and a last one with idle lanes.

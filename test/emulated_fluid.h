@@ -147,6 +147,8 @@ inline void run_fluid_particle(const sphm_fluid_device &d, const sphm_fluid_call
 inline void run_fluid(const sphm_fluid_device &d, const sphm_fluid_call &call) {
     if (call.launch < SPHM_FLUID_SUM)
         return run_rebuild(d, call.launch);
+    if (call.launch == SPHM_FLUID_SNAPSHOT)
+        return for_threads(d.count, [&](size_t i) { sphm_fluid_snapshot_thread(&d, &call, i); });
     if (call.launch > SPHM_FLUID_FORCE)
         return run_report(d, call.launch);
     if (sphm_fluid_has_ended(&d, call.step))
