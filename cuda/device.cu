@@ -87,6 +87,11 @@ sphm_status prepare(sphm_device *device, sphm_context *context) {
     TRY(cudaStreamCreateWithPriority(&device->looking, cudaStreamNonBlocking, least), "make a stream");
     TRY(cudaEventCreateWithFlags(&device->there, cudaEventDisableTiming), "make an event");
     TRY(cudaEventCreateWithFlags(&device->marked, cudaEventDisableTiming), "make an event");
+    for (const auto load : {sphm_cuda_load_solid, sphm_cuda_load_fluid, sphm_cuda_load_look}) {
+        const sphm_status loaded = load(context);
+        if (loaded != SPHM_OK)
+            return loaded;
+    }
     device->together = getenv("SPH_MUSCLE_PERSISTENT") != NULL; /* until it is known which is faster */
     if (getenv("SPH_MUSCLE_TIME_LAUNCHES")) { /* bench/gpu.sh; a parameter would be in every muscle's file */
         TRY(cudaEventCreate(&device->begin), "make an event");

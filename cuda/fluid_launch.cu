@@ -301,6 +301,16 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
 
 } // namespace sphm_fluid_launches
 
+sphm_status sphm_cuda_load_fluid(sphm_context *context) {
+    using namespace sphm_fluid_launches;
+    return sphm_cuda_check(sphm_load_kernels(list, box, lay_out, bin, starts, reorder, settle, count, fill,
+                                             correct, weigh, sum, rigid, predict, smooth, spread,
+                                             force<SPHM_FORCE_FLUID_ONLY>, force<SPHM_FORCE_PARALLEL_FIBRES>,
+                                             force<SPHM_FORCE_OBLIQUE_FIBRES>, report, set_rest, within,
+                                             snapshot),
+                           "load the kernels of the fluid", context);
+}
+
 sphm_status sphm_cuda_launch_fluid(cudaStream_t stream, const sphm_fluid_device *d,
                                    const sphm_fluid_call *call, sphm_context *context) {
     if (call->launch == SPHM_FLUID_SORT)

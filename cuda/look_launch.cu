@@ -24,6 +24,13 @@ template <int launch> sphm_status put(cudaStream_t stream, const sphm_look_devic
 
 } // namespace
 
+sphm_status sphm_cuda_load_look(sphm_context *context) {
+    return sphm_cuda_check(sphm_load_kernels(look<SPHM_LOOK_SHAPE>, look<SPHM_LOOK_ADD_SHAPE>,
+                                             look<SPHM_LOOK_FIND_SHAPE>, look<SPHM_LOOK_PACK>,
+                                             look<SPHM_LOOK_FIELD>, look<SPHM_LOOK_ADD_FIELD>),
+                           "load the kernels of looks", context);
+}
+
 sphm_status sphm_cuda_launch_look(cudaStream_t stream, const sphm_look_device *look, int launch,
                                   sphm_context *context) {
     switch (launch) {

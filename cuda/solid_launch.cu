@@ -161,6 +161,12 @@ __global__ void __launch_bounds__(block_threads) snapshot(sphm_solid_device d, s
 
 } // namespace
 
+sphm_status sphm_cuda_load_solid(sphm_context *context) {
+    return sphm_cuda_check(sphm_load_kernels(hits, end_force, end_sum, end_step, move, spread, strain, steps,
+                                             report, part_strain, part_force, part_sum, snapshot),
+                           "load the kernels of the solid", context);
+}
+
 sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
                                    const sphm_solid_call *call, sphm_context *context) {
     const sphm_solid_device &d = *solid;
