@@ -188,8 +188,8 @@ SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_p
 SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid_plan *p, int step, size_t i,
                                     const sphm_real sum[3]) {
     sphm_real motion[8];
-    for (int c = 0; c < 8; ++c)
-        motion[c] = d->motion[8 * i + (size_t)c];
+    sphm_load4(d->motion + 8 * i, motion);
+    sphm_load4(d->motion + 8 * i + 4, motion + 4);
     if (d->attachment[i] == SPHM_FREE) {
         sphm_real force[3];
         for (int a = 0; a < 3; ++a)
@@ -203,8 +203,8 @@ SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid
             rest[a] = (double)d->rest[4 * i + (size_t)a];
         sphm_end_carry(&p->ends[end].frame, rest, motion);
     }
-    for (int c = 0; c < 8; ++c)
-        d->motion[8 * i + (size_t)c] = motion[c];
+    sphm_store4(d->motion + 8 * i, motion);
+    sphm_store4(d->motion + 8 * i + 4, motion + 4);
     if (!sphm_motion_is_finite(motion))
         sphm_solid_fail(d, step, 1, i);
     if (!p->commanded)
@@ -263,15 +263,20 @@ SPHM_FN void sphm_solid_evaluate_particle(const sphm_solid_device *d, const sphm
     sphm_solid_correct(sum, b, H);
     sphm_solid_correct(sum + 9, b, rate);
     sphm_solid_evaluate(tissue, H, rate, f0, activation, d->fibre_rate[i], rate_share, b, result);
-    sphm_real *line = stress + 16 * i;
-    const sphm_real *motion = d->motion + 8 * i;
+    sphm_real line[4], rest[4], motion[8];
+    sphm_load4(d->rest + 4 * i, rest);
+    sphm_load4(d->motion + 8 * i, motion);
+    sphm_load4(d->motion + 8 * i + 4, motion + 4);
     for (int c = 0; c < 3; ++c) {
         for (int r = 0; r < 3; ++r)
-            line[4 * c + r] = result->A[3 * r + c];
-        line[4 * c + 3] = d->rest[4 * i + (size_t)c];
+            line[r] = result->A[3 * r + c];
+        line[3] = rest[c];
+        sphm_store4(stress + 16 * i + 4 * c, line);
     }
     for (int r = 0; r < 3; ++r)
-        line[12 + r] = tissue->hourglass_Pa * (motion[r] + tissue->hourglass_time_s * motion[4 + r]);
+        line[r] = tissue->hourglass_Pa * (motion[r] + tissue->hourglass_time_s * motion[4 + r]);
+    line[3] = 0;
+    sphm_store4(stress + 16 * i + 12, line);
 }
 
 /* The last cell sweep, where diffusion has come before it, and the activation. */

@@ -48,6 +48,15 @@ SPHM_FN void sphm_load4(const sphm_real *from, sphm_real to[4]) {
 #endif
 }
 
+SPHM_FN void sphm_store4(sphm_real *to, const sphm_real from[4]) {
+#if defined(__CUDA_ARCH__) && !defined(SPH_MUSCLE_DOUBLE)
+    *(float4 *)to = make_float4(from[0], from[1], from[2], from[3]);
+#else
+    for (int c = 0; c < 4; ++c)
+        to[c] = from[c];
+#endif
+}
+
 /* The cell model of a particle with these electrode bits, over step_ms. */
 SPHM_FN void sphm_thread_react(const sphm_membrane_constants *membrane, const sphm_membrane_table *table,
                                int electrodes, sphm_real step_ms, sphm_real *potential, sphm_real *recovery) {
