@@ -179,12 +179,10 @@ support=(--set smoothing_ratio=2.4) paper=(--set paper_units=true --set paper_h=
 # The muscle is made anew for each repetition, which for the largest ones takes longer than the steps: once.
 measure_both() { # PARTICLES STEPS
     local repeat=$(($1 < 1000000 ? 3 : 1))
-    local of_fluid=("${support[@]}") of_solid=("${support[@]}")
+    local of_fluid=("${support[@]}")
     (($1 == 18475)) && of_fluid=("${paper[@]}")
-    # 60 neighbours at 24 bytes each, which the host has to make first: at 10 million particles half as many do.
-    (($1 >= 10000000)) && of_solid=(--set smoothing_ratio=2)
     measure graph fluid cuda "$1" "$2" --batch $(($1 < 1000000 ? 160 : 32)) --repeat $repeat "${of_fluid[@]}"
-    measure graph solid cuda "$1" "$2" --batch $(($1 < 1000000 ? 320 : 32)) --repeat $repeat "${of_solid[@]}"
+    measure graph solid cuda "$1" "$2" --batch $(($1 < 1000000 ? 320 : 32)) --repeat $repeat "${support[@]}"
 }
 
 tell "" "$heading"
@@ -216,8 +214,8 @@ stages() { # TISSUE; of `line`
     of() { awk -v n="$n" "BEGIN { print $1 }"; }
     tell "  $1, $particles_now particles, $(shown %.4g "$n") entries a row"
     if [[ $1 == solid ]]; then
-        stage move "$(value move "$line")" "$(of '84*n+160')" "$(of '20*n+160')" "$(of '36*n+100')"
-        stage strain "$(value strain "$line")" "$(of '60*n+190')" "$(of '24*n+190')" "$(of '45*n+1100')"
+        stage move "$(value move "$line")" "$(of '72*n+160')" "$(of '8*n+160')" "$(of '42*n+100')"
+        stage strain "$(value strain "$line")" "$(of '64*n+210')" "$(of '12*n+210')" "$(of '51*n+1100')"
     else
         stage sum "$(value sum "$line")" 24 24 33
         stage predict "$(value predict "$line")" 73 73 150
@@ -267,13 +265,14 @@ if ((there)); then
     while read -r name speedup stages; do
         cpu_us=$(stage_sum "$one_thread" $stages) gpu_us=$(stage_sum "$on_gpu" $stages)
         tell "$(printf '  %-24s %8s %8s %14s %14s' "$name" "$speedup" "$(ratio "$cpu_us" "$gpu_us")" "$cpu_us" "$gpu_us")"
-    done <<<'density_and_pressure 283 density_pressure
+    done <<<'density_and_pressure 283 intermediate_velocity density_pressure
 forces 152 forces
-intermediate_velocity 103 intermediate_velocity
+intermediate_velocity 103 intermediate_velocity density_pressure
 cell_model 15.5 cell_model diffusion
 update_of_properties 14.9 -
 neighbours 9.7 neighbours
 corrected_velocity 8 integration'
+    tell "  density, pressure and intermediate velocity are one sweep of ours, on both sides: both rows show it"
     tell "  ours counts the Laplacian of the potential to the cell model where a back end times it apart, and has no update of properties; 0 us or none: that back end times the stage together with another"
 fi
 
