@@ -124,12 +124,17 @@ static __global__ void __launch_bounds__(block_threads) sum(sphm_fluid_device d,
         plus(), d.moment);
 }
 
-/* One block of a warp. */
-static __global__ void rigid(sphm_fluid_device d, int step) {
+/* One block, whose threads fetch all there is to add up at once: whoever adds would wait for it piece by
+ * piece. */
+static __global__ void __launch_bounds__(block_threads) rigid(sphm_fluid_device d, int step) {
+    __shared__ double moment[SPHM_MOMENT_SUMS * SPHM_FLUID_PARTIALS];
     if (sphm_fluid_has_ended(&d, step))
         return;
+    for (int k = (int)threadIdx.x; k < SPHM_MOMENT_SUMS * d.partials; k += block_threads)
+        moment[k] = d.moment[k];
+    __syncthreads();
     if (threadIdx.x < SPHM_MOMENT_SUMS)
-        sphm_fluid_rigid_thread(&d, (int)threadIdx.x);
+        sphm_fluid_rigid_thread(&d, moment, (int)threadIdx.x);
     __syncthreads();
     if (threadIdx.x == 0)
         sphm_fluid_rigid_finish(&d);
@@ -268,7 +273,7 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
         SPHM_LAUNCH(sum, (unsigned)d.partials, block_threads, stream, d, call.step);
         return 1;
     case SPHM_FLUID_RIGID:
-        SPHM_LAUNCH(rigid, 1, 32, stream, d, call.step);
+        SPHM_LAUNCH(rigid, 1, block_threads, stream, d, call.step);
         return 1;
     case SPHM_FLUID_PREDICT:
         SPHM_LAUNCH(predict, particles, block_threads, stream, d, call.step);

@@ -78,12 +78,12 @@ SPHM_FN void sphm_fluid_sum_thread(const sphm_fluid_device *d, int step, size_t 
     }
 }
 
-/* Thread 0 ... SPHM_MOMENT_SUMS - 1, then, when all have done it, the _finish.
- */
-SPHM_FN void sphm_fluid_rigid_thread(const sphm_fluid_device *d, int thread) {
+/* Thread 0 ... SPHM_MOMENT_SUMS - 1, then, when all have done it, the _finish. `moment`: what d->moment has,
+ * from where it is read quickly. */
+SPHM_FN void sphm_fluid_rigid_thread(const sphm_fluid_device *d, const double *moment, int thread) {
     double sum = 0;
     for (int block = 0; block < d->partials; ++block)
-        sum += d->moment[SPHM_MOMENT_SUMS * block + thread];
+        sum += moment[SPHM_MOMENT_SUMS * block + thread];
     d->rigid->sums[thread] = sum;
 }
 

@@ -155,15 +155,17 @@ SPHM_FN void sphm_solid_end_sum_thread(const sphm_solid_device *d, size_t thread
                         SPHM_SOLID_END_PARTIALS, d->end_sum + 6 * thread);
 }
 
-/* As move_block() of src/cpu/solid_ends.c. Thread: the end. */
-SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_plan *p, int end) {
+/* As move_block() of src/cpu/solid_ends.c. Thread: the end. `end_sum`: what d->end_sum has, from where it is
+ * read quickly. */
+SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_plan *p, const double *end_sum,
+                                        int end) {
     sphm_solid_end *plan = &p->ends[end];
     sphm_end_body body = d->submission->ends[end];
     const sphm_end_block *block = &d->blocks[end];
     if (plan->moved_by == SPHM_SOLID_FOLLOWS || !(block->particles > 0))
         return;
     double sum[6] = {0, 0, 0, 0, 0, 0}, pull[3];
-    const double *partial = d->end_sum + (size_t)end * 6 * SPHM_SOLID_END_PARTIALS;
+    const double *partial = end_sum + (size_t)end * 6 * SPHM_SOLID_END_PARTIALS;
     for (int t = 0; t < SPHM_SOLID_END_PARTIALS; ++t)
         for (int a = 0; a < 6; ++a)
             sum[a] += partial[6 * t + a];

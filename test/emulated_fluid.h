@@ -159,7 +159,8 @@ inline void run_fluid(const sphm_fluid_device &d, const sphm_fluid_call &call) {
             [&](size_t t, size_t threads, double *s) { sphm_fluid_sum_thread(&d, call.step, t, threads, s); },
             [](double a, double b) { return a + b; }, d.moment);
     } else if (call.launch == SPHM_FLUID_RIGID) {
-        for_threads(SPHM_MOMENT_SUMS, [&](size_t t) { sphm_fluid_rigid_thread(&d, static_cast<int>(t)); });
+        for_threads(SPHM_MOMENT_SUMS,
+                    [&](size_t t) { sphm_fluid_rigid_thread(&d, d.moment, static_cast<int>(t)); });
         sphm_fluid_rigid_finish(&d);
     } else {
         for_threads(d.count, [&](size_t i) { run_fluid_particle(d, call, i); });
