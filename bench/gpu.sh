@@ -93,6 +93,13 @@ fi
 bench=$programs/sph_muscle_bench parity=$programs/sph_muscle_parity ceilings=$programs/sph_muscle_ceilings
 for program in "$bench" "$parity" "$ceilings"; do [[ -x $program ]] || die "no $program"; done
 
+# Somebody keeps the device open, or the driver may start it anew for every program below, seconds each; and it
+# notes what clock the figures were measured at.
+clocks=$logs/clocks.csv
+nvidia-smi --query-gpu=clocks.sm --format=csv,noheader,nounits -l 5 >"$clocks" 2>/dev/null &
+watcher=$!
+trap 'kill $watcher 2>/dev/null' EXIT
+
 # The same numbers as the CPU's, and the same bits twice.
 log=$logs/parity.log
 limited 120 "$parity" >"$log" 2>&1
@@ -302,6 +309,7 @@ if ((there)); then
     target "fluid, 10 million particles: particle-steps/s" particle_steps_per_s 1e9 "${measured[graph-fluid-10000000]-}"
 fi
 
+((there)) && tell "" "clock of the multiprocessors, MHz, least and most seen: $(sort -n "$clocks" | sed -n '1p;$p' | paste -sd ' ')"
 tell "" "$((SECONDS - began)) s in all; $failures failed; rows in $csv"
 ((there)) || tell "no CUDA device answered: nothing was measured on a GPU"
 ((failures == 0)) || exit 1

@@ -52,6 +52,7 @@ shift 3
 exec "$@"
 """
 SMI = r"""#!/bin/bash
+if [[ $* == *" -l "* ]]; then printf '345\n1980\n1755\n'; exec sleep 100; fi
 echo "Fake GPU, 1.0, 1 MiB, 1 MHz"
 """
 
@@ -89,6 +90,7 @@ class GpuScript(unittest.TestCase):
             found = [int(row["particles"]) for row in rows
                      if row["variant"] == "graph" and row["tissue"] == tissue and row["backend"] == "cuda"]
             self.assertEqual(found, sizes)
+        self.assertIn("MHz, least and most seen: 345 1980", summary)
         self.assertEqual({row["variant"] for row in rows}, {"graph", "persistent", "launches", "cpu"})
         self.assertIn("paper_h=0.04", next(r["command"] for r in rows if r["tissue"] == "fluid" and
                                            r["particles"] == "18475"))
