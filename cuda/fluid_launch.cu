@@ -198,12 +198,8 @@ static __global__ void __launch_bounds__(block_threads) set_rest(sphm_fluid_devi
 }
 
 static __global__ void __launch_bounds__(block_threads) within(sphm_fluid_device d) {
-    reduce<1>(
-        0,
-        [&](size_t thread, size_t threads, double *sums) {
-            sphm_fluid_within_thread(&d, thread, threads, sums);
-        },
-        plus(), d.report->within);
+    if (global_thread() < d.count)
+        sphm_fluid_within_thread(&d, global_thread());
 }
 
 static __global__ void __launch_bounds__(block_threads) snapshot(sphm_fluid_device d, sphm_fluid_call call) {
@@ -294,7 +290,7 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
         SPHM_LAUNCH(set_rest, particles, block_threads, stream, d);
         return 1;
     case SPHM_FLUID_WITHIN:
-        SPHM_LAUNCH(within, (unsigned)d.partials, block_threads, stream, d);
+        SPHM_LAUNCH(within, particles, block_threads, stream, d);
         return 1;
     case SPHM_FLUID_SNAPSHOT:
         SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, call);

@@ -55,8 +55,7 @@ typedef struct sphm_fluid_report {
                                                weights are those of before */
     double largest[SPHM_FLUID_PARTIALS][3]; /* [block]: bound of the diffusion, move since the rows
                                                were built squared, speed squared */
-    double within[SPHM_FLUID_PARTIALS];     /* [block]: pairs within h of the listed
-                                               positions, both sides */
+    uint64_t within; /* pairs within h of the listed positions, both sides; grows with each launch */
 } sphm_fluid_report;
 
 typedef struct sphm_fluid_rigid {

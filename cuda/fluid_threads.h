@@ -339,20 +339,19 @@ SPHM_FN void sphm_fluid_set_rest_thread(const sphm_fluid_device *d, size_t i) {
     d->rest_density[i] = d->density[i];
 }
 
-/* Pairs within h. */
-SPHM_FN void sphm_fluid_within_thread(const sphm_fluid_device *d, size_t thread, size_t threads,
-                                      double pairs[1]) {
+/* Pairs of particle i within h. */
+SPHM_FN void sphm_fluid_within_thread(const sphm_fluid_device *d, size_t i) {
     const double h = (double)d->fluid.support_radius_m;
     const sphm_real radius2 = (sphm_real)(h * h);
-    for (size_t i = thread; i < d->count; i += threads) {
-        sphm_real x[3], other[3];
-        sphm_load3(d->listed, d->count, i, x);
-        for (uint64_t k = d->row_start[i]; k < d->row_start[i] + d->row_count[i]; ++k) {
-            sphm_load3(d->listed, d->count, (size_t)d->neighbour[k], other);
-            const sphm_real dx = x[0] - other[0], dy = x[1] - other[1], dz = x[2] - other[2];
-            pairs[0] += dx * dx + dy * dy + dz * dz <= radius2;
-        }
+    sphm_real x[3], other[3];
+    uint64_t pairs = 0;
+    sphm_load3(d->listed, d->count, i, x);
+    for (uint64_t k = d->row_start[i]; k < d->row_start[i] + d->row_count[i]; ++k) {
+        sphm_load3(d->listed, d->count, (size_t)d->neighbour[k], other);
+        const sphm_real dx = x[0] - other[0], dy = x[1] - other[1], dz = x[2] - other[2];
+        pairs += dx * dx + dy * dy + dz * dz <= radius2;
     }
+    sphm_add_up(&d->report->within, pairs);
 }
 
 /* Looks

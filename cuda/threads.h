@@ -18,6 +18,14 @@ SPHM_FN void sphm_count_up(uint32_t *counter) {
 #endif
 }
 
+SPHM_FN void sphm_add_up(uint64_t *sum, uint64_t value) {
+#ifdef __CUDA_ARCH__
+    atomicAdd((unsigned long long *)sum, (unsigned long long)value);
+#else
+    *sum += value;
+#endif
+}
+
 SPHM_FN void sphm_keep_smallest(uint64_t *smallest, uint64_t value) {
 #ifdef __CUDA_ARCH__
     atomicMin((unsigned long long *)smallest, (unsigned long long)value);

@@ -101,15 +101,12 @@ inline void run_rebuild(const sphm_fluid_device &d, int which) {
 
 inline void run_report(const sphm_fluid_device &d, int which) {
     const auto larger = [](double a, double b) { return a > b ? a : b; };
-    const auto plus = [](double a, double b) { return a + b; };
     if (which == SPHM_FLUID_REPORT)
         reduce<3>(
             d, 0, [&](size_t t, size_t threads, double *s) { sphm_fluid_report_thread(&d, t, threads, s); },
             larger, &d.report->largest[0][0]);
     else if (which == SPHM_FLUID_WITHIN)
-        reduce<1>(
-            d, 0, [&](size_t t, size_t threads, double *s) { sphm_fluid_within_thread(&d, t, threads, s); },
-            plus, d.report->within);
+        for_threads(d.count, [&](size_t i) { sphm_fluid_within_thread(&d, i); });
     else
         for_threads(d.count, [&](size_t i) { sphm_fluid_set_rest_thread(&d, i); });
 }
