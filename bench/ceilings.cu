@@ -1,6 +1,6 @@
 /* sph_muscle_ceilings: what a device can do at most, as one JSON object on one line, to hold what the back
  * end achieves against: bytes moved from memory and from the level-2 cache, single and double precision
- * arithmetic, and what a launch within a graph, and a barrier of the whole grid, cost.
+ * arithmetic, and what a launch within a graph, one that is waited for, and a barrier of the whole grid cost.
  *
  * Exit status: 0 measured, 1 a call failed, 77 no device answers (and why). Needs CUDA's runtime only. */
 #include <cooperative_groups.h>
@@ -20,11 +20,12 @@ void check(cudaError_t error, const char *what) {
     exit(1);
 }
 
+/* Loads go past the level-1 cache, which would keep what a thread loads again. */
 __global__ void __launch_bounds__(THREADS) copy(const float4 *from, float4 *to, size_t count, int times) {
     const size_t stride = (size_t)gridDim.x * THREADS;
     for (int t = 0; t < times; ++t)
         for (size_t i = (size_t)blockIdx.x * THREADS + threadIdx.x; i < count; i += stride)
-            to[i] = from[i];
+            to[i] = __ldcg(&from[i]);
 }
 
 /* CHAINS independent chains of fused multiply-adds; the sum is stored so that they are not thrown away. */
@@ -86,18 +87,24 @@ template <class Real> double fused_GFLOP_per_s(const timer &t, const cudaDeviceP
     return 2e-9 * (double)blocks * THREADS * FUSED * CHAINS / s;
 }
 
-double graph_node_us(const timer &t) {
+/* A launch of empty blocks within a graph: one, or as many as a sweep has where it fills the device. */
+double graph_node_us(const timer &t, unsigned blocks, unsigned threads) {
     cudaGraph_t graph = NULL;
     cudaGraphExec_t exec = NULL;
     check(cudaStreamBeginCapture(t.stream, cudaStreamCaptureModeThreadLocal), "record launches");
     for (int k = 0; k < NODES; ++k)
-        nothing<<<1, 32, 0, t.stream>>>();
+        nothing<<<blocks, threads, 0, t.stream>>>();
     check(cudaStreamEndCapture(t.stream, &graph), "keep launches");
     check(cudaGraphInstantiateWithFlags(&exec, graph, 0), "make a graph");
     const double s = t.best([&] { check(cudaGraphLaunch(exec, t.stream), "launch a graph"); });
     check(cudaGraphExecDestroy(exec), "destroy a graph");
     check(cudaGraphDestroy(graph), "destroy a graph");
     return 1e6 * s / NODES;
+}
+
+/* What an empty launch between two events takes: part of every time of a launch that is timed alone. */
+double launch_alone_us(const timer &t) {
+    return 1e6 * t.best([&] { nothing<<<1, 32, 0, t.stream>>>(); });
 }
 
 /* 0 where the device has no barrier of the whole grid. One block a multiprocessor. */
@@ -121,8 +128,8 @@ int is_there() {
     const cudaError_t error = cudaGetDeviceCount(&devices);
     if (error == cudaSuccess && devices > 0)
         return 1;
-    printf("skipped: no CUDA device answers: %s\n",
-           error == cudaSuccess ? "there is none" : cudaGetErrorString(error));
+    fprintf(stderr, "skipped: no CUDA device answers: %s\n",
+            error == cudaSuccess ? "there is none" : cudaGetErrorString(error));
     return 0;
 }
 
@@ -149,12 +156,15 @@ int main() {
     const double cache_GB = copy_GB_per_s(t, p, memory, cached, 200);
     const double single = fused_GFLOP_per_s<float>(t, p, memory),
                  dual = fused_GFLOP_per_s<double>(t, p, memory);
-    const double node_us = graph_node_us(t), barrier_us = grid_barrier_us(t, p);
+    const double node_us = graph_node_us(t, 1, 32),
+                 full_us = graph_node_us(t, (unsigned)p.multiProcessorCount * 4, THREADS),
+                 alone_us = launch_alone_us(t), barrier_us = grid_barrier_us(t, p);
     printf("{\"device\": \"%s\", \"multiprocessors\": %d, \"l2_bytes\": %d, \"memory_bytes\": %zu, "
            "\"memory_GB_per_s\": %.6g, \"l2_GB_per_s\": %.6g, \"single_GFLOP_per_s\": %.6g, "
-           "\"double_GFLOP_per_s\": %.6g, \"graph_node_us\": %.4g, \"grid_barrier_us\": %.4g}\n",
+           "\"double_GFLOP_per_s\": %.6g, \"graph_node_us\": %.4g, \"full_graph_node_us\": %.4g, "
+           "\"launch_alone_us\": %.4g, \"grid_barrier_us\": %.4g}\n",
            p.name, p.multiProcessorCount, p.l2CacheSize, total, memory_GB, cache_GB, single, dual, node_us,
-           barrier_us);
+           full_us, alone_us, barrier_us);
     check(cudaFree(memory), "free memory");
     return 0;
 }

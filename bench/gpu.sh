@@ -2,20 +2,22 @@
 # One command for a machine with an NVIDIA GPU, nvcc and CMake: builds without ROS and without network, compares the
 # GPU with the CPU, runs compute-sanitizer on small cases, times both tissues, and writes a CSV and a summary.
 #
-#   bench/gpu.sh [--out FOLDER] [--build FOLDER] [--programs FOLDER] [--seconds S] [--most PARTICLES]
+#   bench/gpu.sh [--out FOLDER] [--build FOLDER] [--programs FOLDER] [--seconds S] [--most PARTICLES] [--commit NAME]
 #
 # FOLDER for results: default bench/results; for the build: build/gpu; with --programs those in that folder are taken
 # and nothing is built. It ends within S seconds (default 470): every part has its own share, and what does not fit any
-# more is left out, with a line that says so. PARTICLES: largest muscle (default 10 million). Needs neither Python nor
+# more is left out, with a line that says so; a part that takes longer than its share has failed. PARTICLES: largest
+# muscle (default 10 million). NAME: the commit, where the sources have come without git. Needs neither Python nor
 # gtest, assimp or YAML. Exit status: 0 everything that ran passed, 1 something failed, 2 it could not begin, 77 no
 # device answered.
 #
 # The counts of bytes and operations are those of doc/cuda.md, by hand from cuda/*_threads.h; n is the number of
 # neighbours.
 set -uo pipefail
+export LC_ALL=C # numbers with a point
 
 root=$(cd "$(dirname "$0")/.." && pwd)
-out=$root/bench/results build=$root/build/gpu programs= seconds=470 most=10000000
+out=$root/bench/results build=$root/build/gpu programs= seconds=470 most=10000000 commit=
 while (($#)); do
     case $1 in
     --out) out=$2; shift 2 ;;
@@ -23,26 +25,31 @@ while (($#)); do
     --programs) programs=$2; shift 2 ;;
     --seconds) seconds=$2; shift 2 ;;
     --most) most=$2; shift 2 ;;
-    -h | --help) sed -n '2,15s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    --commit) commit=$2; shift 2 ;;
+    -h | --help) sed -n '2,16s/^# \{0,1\}//p' "$0"; exit 0 ;;
     *) echo "gpu.sh: unknown option $1" >&2; exit 2 ;;
     esac
 done
 
 began=$SECONDS
 left() { echo $((seconds - (SECONDS - began))); }
-# limited MOST COMMAND...: no longer than MOST seconds, nor than what is left; 124 when it took longer.
+# limited MOST COMMAND...: no longer than MOST seconds, nor than what is left. 124: it took longer than MOST (137: and
+# had to be killed), which a launch that hangs does, too; 75: too little time is left for it.
 limited() {
-    local most_s=$1 left_s
+    local most_s=$1 left_s status
     shift
     left_s=$(left)
-    ((left_s > 5)) || return 124
-    timeout $((left_s < most_s ? left_s : most_s)) "$@"
+    ((left_s > 5)) || return 75
+    timeout -k 5 $((left_s < most_s ? left_s : most_s)) "$@"
+    status=$?
+    (((status == 124 || status == 137) && left_s < most_s)) && return 75
+    return $status
 }
 die() { echo "gpu.sh: $*" >&2; exit 2; }
 
 PATH=$PATH:/usr/local/cuda/bin
 [[ -n $programs ]] || for tool in cmake nvcc; do command -v $tool >/dev/null || die "no $tool"; done
-commit=$(git -C "$root" describe --always --dirty 2>/dev/null || echo unknown)
+commit=${commit:-$(git -C "$root" describe --always --dirty 2>/dev/null || echo unknown)}
 device=$(nvidia-smi --query-gpu=name,driver_version,memory.total,clocks.max.sm --format=csv,noheader 2>/dev/null | head -n 1)
 processor=$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)
 slug=$(tr -cs 'A-Za-z0-9\n' '-' <<<"${device%%,*}" | sed 's/-*$//')
@@ -56,7 +63,8 @@ verdict() { # STATUS WHAT [LOG]
     case $1 in
     0) tell "passed   $2" ;;
     77) tell "skipped  $2: $(tail -n 1 "$3")" ;;
-    124) tell "left out $2: out of time" ;;
+    75) tell "left out $2: out of time" ;;
+    124 | 137) tell "FAILED   $2: took too long; it got as far as"; tail -n 3 "$3" | sed 's/^/           /' | tee -a "$summary"; failures=$((failures + 1)) ;;
     *) tell "FAILED   $2 (status $1): see $3"; tail -n 5 "$3" | sed 's/^/           /' | tee -a "$summary"; failures=$((failures + 1)) ;;
     esac
 }
@@ -66,10 +74,11 @@ tell "device: ${device:-none found by nvidia-smi}; $(nvcc --version 2>/dev/null 
 
 # Build: for the device that is here where it can be asked, else for all.
 build_all() {
-    local capability architectures=()
+    local capability architectures=() generator=()
+    command -v make >/dev/null || ! command -v ninja >/dev/null || generator=(-G Ninja)
     capability=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null | head -n 1 | tr -d '.')
     [[ $capability =~ ^[0-9]+$ ]] && architectures=("-DCMAKE_CUDA_ARCHITECTURES=$capability-real")
-    cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSPH_MUSCLE_ROS=OFF -DSPH_MUSCLE_CUDA=ON \
+    cmake "${generator[@]}" -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSPH_MUSCLE_ROS=OFF -DSPH_MUSCLE_CUDA=ON \
         -DSPH_MUSCLE_TESTS=OFF "${architectures[@]}" &&
         limited 180 cmake --build "$build" -j "$(nproc)"
 }
@@ -84,12 +93,19 @@ fi
 bench=$programs/sph_muscle_bench parity=$programs/sph_muscle_parity ceilings=$programs/sph_muscle_ceilings
 for program in "$bench" "$parity" "$ceilings"; do [[ -x $program ]] || die "no $program"; done
 
+# Somebody keeps the device open, or the driver may start it anew for every program below, seconds each; and it
+# notes what clock the figures were measured at.
+clocks=$logs/clocks.csv
+nvidia-smi --query-gpu=clocks.sm --format=csv,noheader,nounits -l 5 >"$clocks" 2>/dev/null &
+watcher=$!
+trap 'kill $watcher 2>/dev/null' EXIT
+
 # The same numbers as the CPU's, and the same bits twice.
 log=$logs/parity.log
 limited 120 "$parity" >"$log" 2>&1
 status=$?
 verdict $status "parity with the CPU over 500 steps, determinism, two muscles at once" "$log"
-grep -hE '^skipped|agrees$|DIFFERS$|MORE THAN|NOT FINITE' "$log" | sed 's/^/           /' | tee -a "$summary"
+grep -hE '^skipped|agrees$|DIFFERS$|MORE THAN|NOT FINITE|at once, one looked at' "$log" | sed 's/^/           /' | tee -a "$summary"
 there=$((status != 77))
 if ((there)); then
     log=$logs/parity-persistent.log
@@ -97,9 +113,9 @@ if ((there)); then
     verdict $? "the same with one kernel for many steps of the solid" "$log"
 fi
 
-# Small cases under the sanitizer.
+# Small cases under the sanitizer, which has to say itself that it found nothing.
 sanitizer=$(command -v compute-sanitizer || ls /usr/local/cuda/compute-sanitizer/compute-sanitizer 2>/dev/null)
-for tool in memcheck racecheck; do
+for tool in memcheck racecheck synccheck; do
     log=$logs/$tool.log
     if [[ -z $sanitizer ]]; then
         tell "skipped  $tool: no compute-sanitizer"
@@ -107,7 +123,13 @@ for tool in memcheck racecheck; do
         tell "skipped  $tool: no device"
     else
         limited 60 "$sanitizer" --tool $tool --error-exitcode 9 "$parity" --particles 200 --steps 70 >"$log" 2>&1
-        verdict $? "$tool" "$log"
+        status=$?
+        if ((status != 75)) && grep -qi 'device not supported' "$log"; then
+            tell "skipped  $tool: the sanitizer does not support this device or machine"
+            continue
+        fi
+        ((status != 0)) || grep -q 'SUMMARY: 0 ' "$log" || status=99
+        verdict $status "$tool" "$log"
     fi
 done
 
@@ -115,6 +137,9 @@ done
 columns=(tissue backend device threads particles neighbours_per_particle steps_per_s particle_steps_per_s rtf
     step_us_median step_us_p99 step_us_min time_step_s steps batch repeat memory_bytes_per_particle precision
     neighbours intermediate_velocity density_pressure forces diffusion cell_model integration other)
+number() { [[ $1 =~ ^[-+0-9.e]+$ ]]; }
+# shown FORMAT NUMBER: or a dash.
+shown() { if number "$2"; then printf "$1" "$2"; else printf '%s' -; fi; }
 value() { sed -n "s/.*\"$1\": \"\{0,1\}\([^\",}]*\).*/\1/p" <<<"$2"; }
 printf '%s,' "${columns[@]}" | sed -E 's/(neighbours|intermediate_velocity|density_pressure|forces|diffusion|cell_model|integration|other),/stage_us_\1,/g' >"$csv"
 echo "variant,commit,gpu,command" >>"$csv"
@@ -135,11 +160,15 @@ measure() {
     *) where=$backend ;;
     esac
     log=$logs/bench-$variant-$tissue-$backend-$particles.log
-    line=$(limited 75 env $setting "$bench" "${command[@]:1}" 2>"$log")
+    line=$(limited $((particles < 10000000 ? 75 : 120)) env $setting "$bench" "${command[@]:1}" 2>"$log")
     status=$?
     if ((status != 0)); then
         line=
-        if ((status == 124)); then tell "left out $tissue $where $particles: out of time"; else
+        if ((status == 75)); then tell "left out $tissue $where $particles: out of time"
+        elif ((status == 124 || status == 137)); then
+            tell "FAILED   $tissue $where $particles: took too long"
+            failures=$((failures + 1))
+        else
             tell "none     $tissue $where $particles: $(tail -n 1 "$log")"
             # What is not built yet, or does not fit, is no failure of what is.
             ((status == 2 || status == 1)) && grep -qE 'MiB are needed|no CUDA d|no memory' "$log" || failures=$((failures + 1))
@@ -149,29 +178,32 @@ measure() {
     for column in "${columns[@]}"; do row+=("$(value "$column" "$line")"); done
     local text="${setting:+$setting }${command[*]}"
     (IFS=,; echo "${row[*]},$variant,$commit,\"$device\",\"$text\"") >>"$csv"
-    tell "$(printf '%-7s %-9s %10s %6.4s %12.6s %14.4g %10.4s %12.6s' "$tissue" "$where" "${row[4]}" "${row[5]}" "${row[6]}" "${row[7]}" "${row[8]}" "${row[10]}")"
+    measured[$variant-$tissue-$particles]=$line
+    tell "$(printf '%-7s %-9s %10s %6s %12s %14s %10s %12s' "$tissue" "$where" "${row[4]}" "$(shown %.1f "${row[5]}")" "$(shown %.6g "${row[6]}")" "$(shown %.4g "${row[7]}")" "$(shown %.4g "${row[8]}")" "$(shown %.6g "${row[10]}")")"
 }
+declare -A measured # what the benchmark printed, by variant, tissue and particles
 support=(--set smoothing_ratio=2.4) paper=(--set paper_units=true --set paper_h=0.04)
+# The muscle is made anew for each repetition, which for the largest ones takes longer than the steps: once.
 measure_both() { # PARTICLES STEPS
-    local of_fluid=("${support[@]}") of_solid=("${support[@]}")
+    local repeat=$(($1 < 1000000 ? 3 : 1))
+    local of_fluid=("${support[@]}")
     (($1 == 18475)) && of_fluid=("${paper[@]}")
-    # 60 neighbours at 24 bytes each, twice while they are made on the host: at 10 million particles half as many do.
-    (($1 >= 10000000)) && of_solid=(--set smoothing_ratio=2)
-    measure graph solid cuda "$1" "$2" --batch 320 --repeat 3 "${of_solid[@]}"
-    measure graph fluid cuda "$1" "$2" --batch 100 --repeat 3 "${of_fluid[@]}"
+    measure graph fluid cuda "$1" "$2" --batch $(($1 < 1000000 ? 160 : 32)) --repeat $repeat "${of_fluid[@]}"
+    measure graph solid cuda "$1" "$2" --batch $(($1 < 1000000 ? 320 : 32)) --repeat $repeat "${support[@]}"
 }
 
 tell "" "$heading"
 if ((there)); then
-    for particles in 2231 4944 9888 18475; do measure_both $particles 6400; done
-    measure persistent solid cuda 18475 6400 --batch 320 --repeat 3 "${support[@]}"
+    for particles in 2231 4944 9888 18475; do
+        measure_both $particles 6400
+        measure persistent solid cuda $particles 6400 --batch 320 --repeat 3 "${support[@]}"
+    done
 fi
 # The CPU beside it, all cores, fewer steps.
 measure cpu solid cpu 18475 200 --repeat 3 "${support[@]}"
 measure cpu fluid cpu 18475 200 --repeat 3 "${paper[@]}"
 
 # Ceilings, and where a step's time goes: its launches one by one, each waited for, which a graph does not do.
-number() { [[ $1 =~ ^[-+0-9.e]+$ ]]; }
 # stage NAME US BYTES UNIQUE FLOP of a particle: bytes that its threads ask for, and of them those that have to come
 # from memory at least once when nothing stays in a cache.
 stage() {
@@ -181,13 +213,25 @@ stage() {
         asked = n * bytes / us / 1e3; once = n * unique / us / 1e3; rate = n * flop / us / 1e3
         printf "  %-24s %9.2f us  %8.0f GB/s asked for (%3.0f %% of the cache), %7.0f GB/s unique (%3.0f %% of memory), %7.0f GFLOP/s (%4.1f %%)", name, us, asked, 100 * asked / l2, once, 100 * once / mem, rate, 100 * rate / gflop }')"
 }
-stages_of_solid() { # of `line`
-    local n
+stages() { # TISSUE; of `line`
+    local n one
     n=$(value neighbours_per_particle "$line") particles_now=$(value particles "$line")
     number "$n" || return 0
+    [[ $1 == fluid ]] && n=$(awk -v n="$n" 'BEGIN { print 1.0927 * n }') # entries of a row, 3 % longer than the support
     of() { awk -v n="$n" "BEGIN { print $1 }"; }
-    stage "move" "$(value forces "$line")" "$(of '84*n+160')" "$(of '20*n+160')" "$(of '36*n+100')"
-    stage "strain" "$(value density_pressure "$line")" "$(of '60*n+190')" "$(of '24*n+190')" "$(of '45*n+1100')"
+    tell "  $1, $particles_now particles, $(shown %.4g "$n") entries a row"
+    if [[ $1 == solid ]]; then
+        stage move "$(value move "$line")" "$(of '72*n+160')" "$(of '8*n+160')" "$(of '42*n+100')"
+        stage strain "$(value strain "$line")" "$(of '64*n+210')" "$(of '12*n+210')" "$(of '51*n+1100')"
+    else
+        stage sum "$(value sum "$line")" 24 24 33
+        stage predict "$(value predict "$line")" 73 73 150
+        stage smooth "$(value smooth "$line")" "$(of '36*n+190')" "$(of '4*n+190')" "$(of '28*n+160')"
+        stage force "$(value force "$line")" "$(of '60*n+250')" "$(of '8*n+250')" "$(of '70*n+230')"
+        for one in rigid report list box lay_out bin sort starts reorder settle count scan fill correct weigh; do
+            number "$(value $one "$line")" && tell "$(printf '  %-24s %9.2f us a step' "$one" "$(value $one "$line")")"
+        done
+    fi
 }
 if ((there)); then
     tell ""
@@ -199,10 +243,14 @@ if ((there)); then
         memory_GB=$(value memory_GB_per_s "$found") l2_GB=$(value l2_GB_per_s "$found")
         single_GFLOP=$(value single_GFLOP_per_s "$found")
         tell "  memory $memory_GB GB/s, level-2 cache $l2_GB GB/s ($(value l2_bytes "$found") bytes); single precision $single_GFLOP, double $(value double_GFLOP_per_s "$found") GFLOP/s"
-        tell "  a launch in a graph $(value graph_node_us "$found") us, a barrier of the whole grid $(value grid_barrier_us "$found") us"
+        tell "  a launch in a graph $(value graph_node_us "$found") us, of blocks that fill the device $(value full_graph_node_us "$found") us; one that is waited for, as all below, $(value launch_alone_us "$found") us; a barrier of the whole grid $(value grid_barrier_us "$found") us"
         for particles in 18475 1000000; do
-            measure launches solid cuda $particles 320 --batch 320 --repeat 1 --warm-up 32 "${support[@]}"
-            [[ -z $line ]] || stages_of_solid
+            for tissue in solid fluid; do
+                of=("${support[@]}")
+                [[ $particles == 18475 && $tissue == fluid ]] && of=("${paper[@]}")
+                measure launches $tissue cuda $particles 320 --batch 320 --repeat 1 --warm-up 32 "${of[@]}"
+                [[ -z $line ]] || stages $tissue
+            done
         done
     fi
 fi
@@ -219,19 +267,19 @@ if ((there)); then
     tell "" "Figure 13 of the paper, fluid, 18475 particles, h = 0.04: a stage on one CPU thread over the same on the GPU"
     measure cpu fluid cpu 18475 20 --repeat 1 --threads 1 --warm-up 2 "${paper[@]}"
     one_thread=$line
-    measure launches fluid cuda 18475 320 --repeat 1 --batch 320 "${paper[@]}"
-    on_gpu=$line
+    on_gpu=${measured[launches-fluid-18475]-}
     tell "$(printf '  %-24s %8s %8s %14s %14s' stage paper ours 'CPU us' 'GPU us')"
     while read -r name speedup stages; do
         cpu_us=$(stage_sum "$one_thread" $stages) gpu_us=$(stage_sum "$on_gpu" $stages)
         tell "$(printf '  %-24s %8s %8s %14s %14s' "$name" "$speedup" "$(ratio "$cpu_us" "$gpu_us")" "$cpu_us" "$gpu_us")"
-    done <<<'density_and_pressure 283 density_pressure
+    done <<<'density_and_pressure 283 intermediate_velocity density_pressure
 forces 152 forces
-intermediate_velocity 103 intermediate_velocity
+intermediate_velocity 103 intermediate_velocity density_pressure
 cell_model 15.5 cell_model diffusion
 update_of_properties 14.9 -
 neighbours 9.7 neighbours
 corrected_velocity 8 integration'
+    tell "  density, pressure and intermediate velocity are one sweep of ours, on both sides: both rows show it"
     tell "  ours counts the Laplacian of the potential to the cell model where a back end times it apart, and has no update of properties; 0 us or none: that back end times the stage together with another"
 fi
 
@@ -242,6 +290,26 @@ if ((there)); then
     measure_both 10000000 96
 fi
 
+# What is asked for, and what was measured of it.
+target() { # WHAT KEY LEAST LINE...: of the lines the largest value
+    local what=$1 key=$2 least=$3 best=- said=- one
+    shift 3
+    for one in "$@"; do
+        number "$(value "$key" "$one")" && best=$(awk -v a="$(value "$key" "$one")" -v b="$best" 'BEGIN { print((b == "-" || a + 0 > b + 0) ? a : b) }')
+    done
+    [[ $best == - ]] || said=$(awk -v a="$best" -v b="$least" 'BEGIN { print((a + 0 >= b + 0) ? "reached" : "MISSED") }')
+    [[ $best != - ]] || best="not measured"
+    tell "$(printf '  %-52s %10s asked, %14s  %s' "$what" "$least" "$best" "$said")"
+}
+if ((there)); then
+    tell "" "Targets"
+    target "fluid, 18475 particles, h = 0.04: steps/s" steps_per_s 20000 "${measured[graph-fluid-18475]-}"
+    target "solid, 18475 particles: steps/s" steps_per_s 50000 "${measured[graph-solid-18475]-}" "${measured[persistent-solid-18475]-}"
+    target "solid, 18475 particles, true density: RTF" rtf 1 "${measured[graph-solid-18475]-}" "${measured[persistent-solid-18475]-}"
+    target "fluid, 10 million particles: particle-steps/s" particle_steps_per_s 1e9 "${measured[graph-fluid-10000000]-}"
+fi
+
+((there)) && tell "" "clock of the multiprocessors, MHz, least and most seen: $(sort -n "$clocks" | sed -n '1p;$p' | paste -sd ' ')"
 tell "" "$((SECONDS - began)) s in all; $failures failed; rows in $csv"
 ((there)) || tell "no CUDA device answered: nothing was measured on a GPU"
 ((failures == 0)) || exit 1

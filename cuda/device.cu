@@ -15,9 +15,9 @@
 #include "cuda/solid_launch.h"
 #include "cuda/sort.h"
 
-enum { MOST_ALLOCATIONS = 4, MOST_LAUNCHES = 64 };
-static_assert((int)SPHM_SOLID_LAUNCHES <= (int)MOST_LAUNCHES &&
-                  (int)SPHM_FLUID_LAUNCHES <= (int)MOST_LAUNCHES,
+enum { MOST_ALLOCATIONS = 4 };
+static_assert((int)SPHM_SOLID_LAUNCHES <= (int)SPHM_LAUNCH_KINDS &&
+                  (int)SPHM_FLUID_LAUNCHES <= (int)SPHM_LAUNCH_KINDS,
               "times of all launches");
 
 struct sphm_device {
@@ -28,7 +28,7 @@ struct sphm_device {
     cudaEvent_t there, marked; /* what is looked at is there; the look is finished */
     cudaGraphExec_t graph;     /* what was kept; null: nothing */
     cudaEvent_t begin, end;    /* null: launches are not timed */
-    double launch_s[MOST_LAUNCHES];
+    double launch_s[SPHM_LAUNCH_KINDS];
     int together; /* steps of the solid */
     int memory_count, host_memory_count;
     void *memory[MOST_ALLOCATIONS], *host_memory[MOST_ALLOCATIONS];
@@ -87,6 +87,11 @@ sphm_status prepare(sphm_device *device, sphm_context *context) {
     TRY(cudaStreamCreateWithPriority(&device->looking, cudaStreamNonBlocking, least), "make a stream");
     TRY(cudaEventCreateWithFlags(&device->there, cudaEventDisableTiming), "make an event");
     TRY(cudaEventCreateWithFlags(&device->marked, cudaEventDisableTiming), "make an event");
+    for (const auto load : {sphm_cuda_load_solid, sphm_cuda_load_fluid, sphm_cuda_load_look}) {
+        const sphm_status loaded = load(context);
+        if (loaded != SPHM_OK)
+            return loaded;
+    }
     device->together = getenv("SPH_MUSCLE_PERSISTENT") != NULL; /* until it is known which is faster */
     if (getenv("SPH_MUSCLE_TIME_LAUNCHES")) { /* bench/gpu.sh; a parameter would be in every muscle's file */
         TRY(cudaEventCreate(&device->begin), "make an event");

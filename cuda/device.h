@@ -12,6 +12,7 @@
 #include "cuda/fluid_layout.h"
 #include "cuda/look_layout.h"
 #include "cuda/solid_layout.h"
+#include "sph_muscle/muscle.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -75,6 +76,17 @@ typedef struct sphm_device_ops {
      */
     int (*together)(const sphm_device *device);
 } sphm_device_ops;
+
+/* The times of launches that a device has (NULL: it has none) but for those `before`, for whoever asks. */
+static inline void sphm_device_report_launches(sphm_timing *timing, const double *launch_s,
+                                               const double *before_s, const char *const *names,
+                                               size_t kinds) {
+    timing->launch_kinds = launch_s ? kinds : 0;
+    for (size_t k = 0; k < timing->launch_kinds; ++k) {
+        timing->launch_name[k] = names[k];
+        timing->launch_s[k] = launch_s[k] - before_s[k];
+    }
+}
 
 #ifdef __cplusplus
 }

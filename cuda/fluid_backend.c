@@ -25,6 +25,7 @@ static void destroy(sphm_backend *backend) {
     sphm_fluid_backend *b = inside(backend);
     if (!b)
         return;
+    sphm_look_destroy(b->look);
     b->ops->close(b->device);
     sphm_fluid_free(b);
     free(b);
@@ -127,10 +128,16 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
     return sphm_fluid_limits(b->model, b->speed_m_per_s, b->rest_density_min);
 }
 
+const char *const sphm_fluid_launch_names[SPHM_FLUID_LAUNCHES] = {
+    "list",   "box",    "lay_out", "bin",     "sort",     "starts", "reorder", "settle",
+    "count",  "scan",   "fill",    "correct", "weigh",    "sum",    "rigid",   "predict",
+    "smooth", "spread", "force",   "report",  "set_rest", "within", "snapshot"};
+
 static sphm_timing timing(const sphm_backend *backend) {
     const sphm_fluid_backend *b = look_inside(backend);
     const double *launch_s = b->ops->launch_times(b->device);
     sphm_timing t = b->timing;
+    sphm_device_report_launches(&t, launch_s, b->launch_s, sphm_fluid_launch_names, SPHM_FLUID_LAUNCHES);
     if (launch_s) { /* pressure and half of the cell model are part of smooth, the other half of force */
         double s[SPHM_FLUID_LAUNCHES];
         t.neighbours_s = 0;
@@ -146,6 +153,8 @@ static sphm_timing timing(const sphm_backend *backend) {
     t.memory_bytes = sizeof *b + sphm_state_bytes(b->state.count) + b->device_bytes + b->host_bytes +
                      b->rows_bytes + 2 * b->state.count * sizeof *b->slots +
                      b->state.capacity * SPHM_STATE_ELEMENT_SIZE;
+    if (b->look)
+        t.memory_bytes += b->look->device_bytes + b->look->host_bytes;
     return t;
 }
 
@@ -163,5 +172,6 @@ static const char *device(const sphm_backend *backend) {
 }
 
 const sphm_backend_ops sphm_device_fluid_backend = {
-    "cuda", NULL, destroy,  sphm_fluid_step,  view, restore, limits, timing, reset_timing,
-    device, NULL, clock_of, SPHM_FLUID_STEPS, NULL, NULL};
+    "cuda",  NULL,     destroy,          sphm_fluid_step, view,
+    restore, limits,   timing,           reset_timing,    device,
+    NULL,    clock_of, SPHM_FLUID_STEPS, sphm_fluid_look, sphm_fluid_looked};

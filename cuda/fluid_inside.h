@@ -3,6 +3,7 @@
 #define SPHM_CUDA_FLUID_INSIDE_H
 
 #include "cuda/fluid_backend.h"
+#include "cuda/look.h"
 #include "cuda/memory.h"
 
 #ifdef __cplusplus
@@ -40,6 +41,7 @@ typedef struct sphm_fluid_backend {
     double speed_m_per_s;
     double stable_step_ms, rest_stable_step_ms; /* of the diffusion, now and on the rest shape */
     double rest_density_min;
+    sphm_look *look;                      /* made when somebody first looks */
     double launch_s[SPHM_FLUID_LAUNCHES]; /* where the launches are timed: at the
                                              last reset_timing() */
     sphm_timing timing;
@@ -59,6 +61,16 @@ sphm_status sphm_fluid_reserve_rows(sphm_fluid_backend *b, uint64_t entries, sph
  * buffer 0. */
 sphm_status sphm_fluid_upload_state(sphm_fluid_backend *b, sphm_context *context);
 sphm_status sphm_fluid_download_state(sphm_fluid_backend *b, sphm_context *context);
+
+/* fluid_look.c
+ * -------------------------------------------------------------------------------------------
+ */
+
+/* The look() and looked() of sphm_backend_ops. */
+sphm_status sphm_fluid_look(sphm_backend *backend, const sphm_observer *observer, int particles,
+                            const sphm_end_drive *insertion, sphm_context *context);
+sphm_status sphm_fluid_looked(sphm_backend *backend, int wait, int *finished, sphm_looked *looked,
+                              sphm_context *context);
 
 /* fluid_submit.c
  * -----------------------------------------------------------------------------------------

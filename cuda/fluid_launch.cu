@@ -124,12 +124,17 @@ static __global__ void __launch_bounds__(block_threads) sum(sphm_fluid_device d,
         plus(), d.moment);
 }
 
-/* One block of a warp. */
-static __global__ void rigid(sphm_fluid_device d, int step) {
+/* One block, whose threads fetch all there is to add up at once: whoever adds would wait for it piece by
+ * piece. */
+static __global__ void __launch_bounds__(block_threads) rigid(sphm_fluid_device d, int step) {
+    __shared__ double moment[SPHM_MOMENT_SUMS * SPHM_FLUID_PARTIALS];
     if (sphm_fluid_has_ended(&d, step))
         return;
+    for (int k = (int)threadIdx.x; k < SPHM_MOMENT_SUMS * d.partials; k += block_threads)
+        moment[k] = d.moment[k];
+    __syncthreads();
     if (threadIdx.x < SPHM_MOMENT_SUMS)
-        sphm_fluid_rigid_thread(&d, (int)threadIdx.x);
+        sphm_fluid_rigid_thread(&d, moment, (int)threadIdx.x);
     __syncthreads();
     if (threadIdx.x == 0)
         sphm_fluid_rigid_finish(&d);
@@ -193,12 +198,13 @@ static __global__ void __launch_bounds__(block_threads) set_rest(sphm_fluid_devi
 }
 
 static __global__ void __launch_bounds__(block_threads) within(sphm_fluid_device d) {
-    reduce<1>(
-        0,
-        [&](size_t thread, size_t threads, double *sums) {
-            sphm_fluid_within_thread(&d, thread, threads, sums);
-        },
-        plus(), d.report->within);
+    if (global_thread() < d.count)
+        sphm_fluid_within_thread(&d, global_thread());
+}
+
+static __global__ void __launch_bounds__(block_threads) snapshot(sphm_fluid_device d, sphm_fluid_call call) {
+    if (global_thread() < d.count)
+        sphm_fluid_snapshot_thread(&d, &call, global_thread());
 }
 
 /* Launches -------------------------------------------------------------------------------------------------
@@ -263,7 +269,7 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
         SPHM_LAUNCH(sum, (unsigned)d.partials, block_threads, stream, d, call.step);
         return 1;
     case SPHM_FLUID_RIGID:
-        SPHM_LAUNCH(rigid, 1, 32, stream, d, call.step);
+        SPHM_LAUNCH(rigid, 1, block_threads, stream, d, call.step);
         return 1;
     case SPHM_FLUID_PREDICT:
         SPHM_LAUNCH(predict, particles, block_threads, stream, d, call.step);
@@ -284,7 +290,10 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
         SPHM_LAUNCH(set_rest, particles, block_threads, stream, d);
         return 1;
     case SPHM_FLUID_WITHIN:
-        SPHM_LAUNCH(within, (unsigned)d.partials, block_threads, stream, d);
+        SPHM_LAUNCH(within, particles, block_threads, stream, d);
+        return 1;
+    case SPHM_FLUID_SNAPSHOT:
+        SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, call);
         return 1;
     default:
         return 0;
@@ -293,14 +302,18 @@ static int launch_step(cudaStream_t stream, const sphm_fluid_device &d, const sp
 
 } // namespace sphm_fluid_launches
 
+sphm_status sphm_cuda_load_fluid(sphm_context *context) {
+    using namespace sphm_fluid_launches;
+    return sphm_cuda_check(sphm_load_kernels(list, box, lay_out, bin, starts, reorder, settle, count, fill,
+                                             correct, weigh, sum, rigid, predict, smooth, spread,
+                                             force<SPHM_FORCE_FLUID_ONLY>, force<SPHM_FORCE_PARALLEL_FIBRES>,
+                                             force<SPHM_FORCE_OBLIQUE_FIBRES>, report, set_rest, within,
+                                             snapshot),
+                           "load the kernels of the fluid", context);
+}
+
 sphm_status sphm_cuda_launch_fluid(cudaStream_t stream, const sphm_fluid_device *d,
                                    const sphm_fluid_call *call, sphm_context *context) {
-    static const char *const names[SPHM_FLUID_LAUNCHES] = {
-        "launch list",     "launch box",     "launch lay_out", "launch bin",   "launch sort",
-        "launch starts",   "launch reorder", "launch settle",  "launch count", "launch scan",
-        "launch fill",     "launch correct", "launch weigh",   "launch sum",   "launch rigid",
-        "launch predict",  "launch smooth",  "launch spread",  "launch force", "launch report",
-        "launch set_rest", "launch within"};
     if (call->launch == SPHM_FLUID_SORT)
         return sphm_cuda_sort(stream, d, context);
     if (call->launch == SPHM_FLUID_SCAN)
@@ -308,5 +321,5 @@ sphm_status sphm_cuda_launch_fluid(cudaStream_t stream, const sphm_fluid_device 
     using namespace sphm_fluid_launches;
     if (!launch_rebuild(stream, *d, call->launch) && !launch_step(stream, *d, *call))
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);
-    return sphm_cuda_check(cudaGetLastError(), names[call->launch], context);
+    return sphm_cuda_check_launch(cudaGetLastError(), sphm_fluid_launch_names[call->launch], context);
 }

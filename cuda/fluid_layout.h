@@ -8,6 +8,7 @@
 #include "cuda/membrane_plan.h"
 #include "kernels/cells.h"
 #include "kernels/fluid_motion.h"
+#include "kernels/look.h"
 #include "kernels/pairs.h"
 
 #ifdef __cplusplus
@@ -54,8 +55,7 @@ typedef struct sphm_fluid_report {
                                                weights are those of before */
     double largest[SPHM_FLUID_PARTIALS][3]; /* [block]: bound of the diffusion, move since the rows
                                                were built squared, speed squared */
-    double within[SPHM_FLUID_PARTIALS];     /* [block]: pairs within h of the listed
-                                               positions, both sides */
+    uint64_t within; /* pairs within h of the listed positions, both sides; grows with each launch */
 } sphm_fluid_report;
 
 typedef struct sphm_fluid_rigid {
@@ -120,15 +120,20 @@ enum {
     SPHM_FLUID_REPORT,
     SPHM_FLUID_SET_REST,
     SPHM_FLUID_WITHIN,
+    SPHM_FLUID_SNAPSHOT,
     SPHM_FLUID_LAUNCHES
 };
 
 /* One launch. */
 typedef struct sphm_fluid_call {
-    int launch;  /* SPHM_FLUID_... */
-    int step;    /* of the submission */
-    int substep; /* spread: which diffusion sweep, 0 ... substeps - 2 */
+    int launch;               /* SPHM_FLUID_... */
+    int step;                 /* of the submission */
+    int substep;              /* spread: which diffusion sweep, 0 ... substeps - 2 */
+    int buffer;               /* snapshot: of the potential */
+    sphm_look_particle *line; /* snapshot: [id], on the device */
 } sphm_fluid_call;
+
+extern const char *const sphm_fluid_launch_names[SPHM_FLUID_LAUNCHES]; /* fluid_backend.c */
 
 #ifdef __cplusplus
 }

@@ -279,16 +279,14 @@ sphm_status sphm_fluid_measure_rest(sphm_fluid_backend *b, sphm_context *context
         status = sphm_fluid_download_state(b, context);
     if (status != SPHM_OK)
         return status;
-    double smallest = INFINITY, pairs = 0;
+    double smallest = INFINITY;
     for (size_t i = 0; i < s->count; ++i) {
         s->rest_density[i] = s->density[i];
         smallest = fmin(smallest, (double)s->density[i]);
     }
-    for (int block = 0; block < b->fluid.partials; ++block)
-        pairs += b->report->within[block];
     b->rest_density_min = smallest;
     b->rest_stable_step_ms = b->stable_step_ms;
-    b->timing.neighbours_per_particle = pairs / (double)s->count;
+    b->timing.neighbours_per_particle = (double)b->report->within / (double)s->count;
     b->seen = 1;
     return SPHM_OK;
 }

@@ -78,12 +78,12 @@ SPHM_FN void sphm_fluid_sum_thread(const sphm_fluid_device *d, int step, size_t 
     }
 }
 
-/* Thread 0 ... SPHM_MOMENT_SUMS - 1, then, when all have done it, the _finish.
- */
-SPHM_FN void sphm_fluid_rigid_thread(const sphm_fluid_device *d, int thread) {
+/* Thread 0 ... SPHM_MOMENT_SUMS - 1, then, when all have done it, the _finish. `moment`: what d->moment has,
+ * from where it is read quickly. */
+SPHM_FN void sphm_fluid_rigid_thread(const sphm_fluid_device *d, const double *moment, int thread) {
     double sum = 0;
     for (int block = 0; block < d->partials; ++block)
-        sum += d->moment[SPHM_MOMENT_SUMS * block + thread];
+        sum += moment[SPHM_MOMENT_SUMS * block + thread];
     d->rigid->sums[thread] = sum;
 }
 
@@ -339,20 +339,36 @@ SPHM_FN void sphm_fluid_set_rest_thread(const sphm_fluid_device *d, size_t i) {
     d->rest_density[i] = d->density[i];
 }
 
-/* Pairs within h. */
-SPHM_FN void sphm_fluid_within_thread(const sphm_fluid_device *d, size_t thread, size_t threads,
-                                      double pairs[1]) {
+/* Pairs of particle i within h. */
+SPHM_FN void sphm_fluid_within_thread(const sphm_fluid_device *d, size_t i) {
     const double h = (double)d->fluid.support_radius_m;
     const sphm_real radius2 = (sphm_real)(h * h);
-    for (size_t i = thread; i < d->count; i += threads) {
-        sphm_real x[3], other[3];
-        sphm_load3(d->listed, d->count, i, x);
-        for (uint64_t k = d->row_start[i]; k < d->row_start[i] + d->row_count[i]; ++k) {
-            sphm_load3(d->listed, d->count, (size_t)d->neighbour[k], other);
-            const sphm_real dx = x[0] - other[0], dy = x[1] - other[1], dz = x[2] - other[2];
-            pairs[0] += dx * dx + dy * dy + dz * dz <= radius2;
-        }
+    sphm_real x[3], other[3];
+    uint64_t pairs = 0;
+    sphm_load3(d->listed, d->count, i, x);
+    for (uint64_t k = d->row_start[i]; k < d->row_start[i] + d->row_count[i]; ++k) {
+        sphm_load3(d->listed, d->count, (size_t)d->neighbour[k], other);
+        const sphm_real dx = x[0] - other[0], dy = x[1] - other[1], dz = x[2] - other[2];
+        pairs += dx * dx + dy * dy + dz * dz <= radius2;
     }
+    sphm_add_up(&d->report->within, pairs);
+}
+
+/* Looks
+ * -------------------------------------------------------------------------------------------
+ */
+
+/* Particle i as it is now, for a look (cuda/look.h). */
+SPHM_FN void sphm_fluid_snapshot_thread(const sphm_fluid_device *d, const sphm_fluid_call *call, size_t i) {
+    sphm_look_particle *p = &call->line[d->id[i]];
+    sphm_load3(d->position, d->count, i, p->place_m);
+    sphm_load3(d->velocity, d->count, i, p->velocity_m_per_s);
+    p->density_kg_per_m3 = d->density[i];
+    p->pressure_Pa = d->pressure[i];
+    p->potential_mV = d->potential[(size_t)call->buffer * d->count + i];
+    p->recovery = d->recovery[i];
+    p->activation = d->activation[i];
+    p->unused = 0;
 }
 
 #endif

@@ -19,10 +19,17 @@ template <int launch> sphm_status put(cudaStream_t stream, const sphm_look_devic
     const size_t threads = sphm_look_threads(&d, launch);
     const unsigned blocks = (unsigned)((threads + look_block_threads - 1) / look_block_threads);
     SPHM_LAUNCH(look<launch>, blocks, look_block_threads, stream, d);
-    return sphm_cuda_check(cudaGetLastError(), "launch a look", context);
+    return sphm_cuda_check_launch(cudaGetLastError(), "a look", context);
 }
 
 } // namespace
+
+sphm_status sphm_cuda_load_look(sphm_context *context) {
+    return sphm_cuda_check(sphm_load_kernels(look<SPHM_LOOK_SHAPE>, look<SPHM_LOOK_ADD_SHAPE>,
+                                             look<SPHM_LOOK_FIND_SHAPE>, look<SPHM_LOOK_PACK>,
+                                             look<SPHM_LOOK_FIELD>, look<SPHM_LOOK_ADD_FIELD>),
+                           "load the kernels of looks", context);
+}
 
 sphm_status sphm_cuda_launch_look(cudaStream_t stream, const sphm_look_device *look, int launch,
                                   sphm_context *context) {

@@ -29,4 +29,13 @@ cudaError_t sphm_launch_together(void (*kernel)(Arguments...), unsigned most, un
 }
 #endif
 
+/* Loads kernels, which otherwise happens at the first launch of each: that may be a recorded one, and loading
+ * may have to wait for the device, which nothing may while launches are recorded. */
+template <class... Kernels> cudaError_t sphm_load_kernels(Kernels... kernels) {
+    cudaFuncAttributes attributes;
+    cudaError_t error = cudaSuccess;
+    ((error = error == cudaSuccess ? cudaFuncGetAttributes(&attributes, kernels) : error), ...);
+    return error;
+}
+
 #endif

@@ -171,10 +171,15 @@ static sphm_time_step_limits limits(const sphm_backend *backend) {
     return l;
 }
 
+const char *const sphm_solid_launch_names[SPHM_SOLID_LAUNCHES] = {
+    "hits",   "end_force",   "end_sum",    "end_step", "move",     "spread", "strain",
+    "report", "part_strain", "part_force", "part_sum", "snapshot", "steps"};
+
 static sphm_timing timing(const sphm_backend *backend) {
     const sphm_solid_backend *b = look_inside(backend);
     const double *launch_s = b->ops->launch_times(b->device);
     sphm_timing t = b->timing;
+    sphm_device_report_launches(&t, launch_s, b->launch_s, sphm_solid_launch_names, SPHM_SOLID_LAUNCHES);
     if (launch_s) {
         t.forces_s = launch_s[SPHM_SOLID_MOVE] - b->launch_s[SPHM_SOLID_MOVE];
         t.density_pressure_s = launch_s[SPHM_SOLID_STRAIN] - b->launch_s[SPHM_SOLID_STRAIN];

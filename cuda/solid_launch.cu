@@ -33,9 +33,9 @@ __device__ void end_sum_of(const sphm_solid_device &d, size_t block) {
         sphm_solid_end_sum_thread(&d, thread);
 }
 
-__device__ void end_step_of(const sphm_solid_device &d, int step) {
+__device__ void end_step_of(const sphm_solid_device &d, int step, const double *end_sum) {
     if (threadIdx.x < SPHM_END_COUNT && !sphm_solid_has_failed(&d, step))
-        sphm_solid_end_step_thread(&d, &d.submission->plan[step], (int)threadIdx.x);
+        sphm_solid_end_step_thread(&d, &d.submission->plan[step], end_sum, (int)threadIdx.x);
 }
 
 __device__ void move_of(const sphm_solid_device &d, int step, size_t block) {
@@ -83,8 +83,14 @@ __global__ void __launch_bounds__(block_threads) end_force(sphm_solid_device d, 
 __global__ void __launch_bounds__(block_threads) end_sum(sphm_solid_device d) {
     end_sum_of(d, blockIdx.x);
 }
-__global__ void end_step(sphm_solid_device d, int step) {
-    end_step_of(d, step);
+/* One block, whose threads fetch all there is to add up at once: the two that add would wait for it piece by
+ * piece. */
+__global__ void __launch_bounds__(block_threads) end_step(sphm_solid_device d, int step) {
+    __shared__ double end_sum[2 * 6 * SPHM_SOLID_END_PARTIALS];
+    for (int k = (int)threadIdx.x; k < 2 * 6 * SPHM_SOLID_END_PARTIALS; k += block_threads)
+        end_sum[k] = d.end_sum[k];
+    __syncthreads();
+    end_step_of(d, step, end_sum);
 }
 __global__ void __launch_bounds__(block_threads) move(sphm_solid_device d, int step) {
     move_of(d, step, blockIdx.x);
@@ -117,7 +123,7 @@ __global__ void __launch_bounds__(block_threads) steps(sphm_solid_device d, int 
             share(blocks_of(held, block_particles), [&](size_t block) { end_force_of(d, step, block); });
             share(blocks_of(2 * SPHM_SOLID_END_PARTIALS, block_threads),
                   [&](size_t block) { end_sum_of(d, block); });
-            share(1, [&](size_t) { end_step_of(d, step); });
+            share(1, [&](size_t) { end_step_of(d, step, d.end_sum); });
         }
         share(rows, [&](size_t block) { move_of(d, step, block); });
         for (int substep = 0; substep + 1 < launches / 4; ++substep)
@@ -161,12 +167,14 @@ __global__ void __launch_bounds__(block_threads) snapshot(sphm_solid_device d, s
 
 } // namespace
 
+sphm_status sphm_cuda_load_solid(sphm_context *context) {
+    return sphm_cuda_check(sphm_load_kernels(hits, end_force, end_sum, end_step, move, spread, strain, steps,
+                                             report, part_strain, part_force, part_sum, snapshot),
+                           "load the kernels of the solid", context);
+}
+
 sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
                                    const sphm_solid_call *call, sphm_context *context) {
-    static const char *const names[SPHM_SOLID_LAUNCHES] = {
-        "launch hits",     "launch end_force", "launch end_sum", "launch end_step",    "launch move",
-        "launch spread",   "launch strain",    "launch report",  "launch part_strain", "launch part_force",
-        "launch part_sum", "launch snapshot",  "launch steps"};
     const sphm_solid_device &d = *solid;
     const unsigned rows = blocks_of(d.count, block_particles), particles = blocks_of(d.count, block_threads),
                    partials = blocks_of(SPHM_SOLID_PARTIALS, block_threads);
@@ -184,7 +192,7 @@ sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device 
         SPHM_LAUNCH(end_sum, blocks_of(2 * SPHM_SOLID_END_PARTIALS, block_threads), block_threads, stream, d);
         break;
     case SPHM_SOLID_END_STEP:
-        SPHM_LAUNCH(end_step, 1, SPHM_END_COUNT, stream, d, call->step);
+        SPHM_LAUNCH(end_step, 1, block_threads, stream, d, call->step);
         break;
     case SPHM_SOLID_MOVE:
         SPHM_LAUNCH(move, rows, block_threads, stream, d, call->step);
@@ -214,11 +222,11 @@ sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device 
         SPHM_LAUNCH(snapshot, particles, block_threads, stream, d, *call);
         break;
     case SPHM_SOLID_STEPS:
-        return sphm_cuda_check(
+        return sphm_cuda_check_launch(
             sphm_launch_together(steps, rows, block_threads, stream, d, call->launches, call->step),
-            names[call->launch], context);
+            sphm_solid_launch_names[call->launch], context);
     default:
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "launch %d does not exist", call->launch);
     }
-    return sphm_cuda_check(cudaGetLastError(), names[call->launch], context);
+    return sphm_cuda_check_launch(cudaGetLastError(), sphm_solid_launch_names[call->launch], context);
 }

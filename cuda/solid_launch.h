@@ -6,6 +6,8 @@
 
 #include "cuda/solid_layout.h"
 
+/* Before the first launch: sphm_load_kernels(). */
+sphm_status sphm_cuda_load_solid(sphm_context *context);
 /* Puts one launch on the stream. */
 sphm_status sphm_cuda_launch_solid(cudaStream_t stream, const sphm_solid_device *solid,
                                    const sphm_solid_call *call, sphm_context *context);

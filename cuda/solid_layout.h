@@ -111,6 +111,8 @@ typedef struct sphm_solid_call {
     sphm_look_particle *line;          /* snapshot: [id], on the device */
 } sphm_solid_call;
 
+extern const char *const sphm_solid_launch_names[SPHM_SOLID_LAUNCHES]; /* solid_backend.c */
+
 #ifdef __cplusplus
 }
 #endif

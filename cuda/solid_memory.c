@@ -82,36 +82,44 @@ sphm_status sphm_solid_upload_rest(const sphm_solid_backend *b, sphm_context *co
     const sphm_neighbours *rows = &b->rest.rows;
     const size_t n = s->count, pairs = rows->row_start[n];
     const size_t held = d->held_count[SPHM_END_ORIGIN] + d->held_count[SPHM_END_INSERTION];
-    const sphm_real *const rest[3] = {s->rest_x, s->rest_y, s->rest_z};
     const sphm_real *const fibre[3] = {s->fibre_x, s->fibre_y, s->fibre_z};
     _Static_assert(sizeof *rows->row_start == sizeof *d->row_start, "row_start is 64 bits wide");
     sphm_real *columns = (sphm_real *)malloc(6 * n * sizeof *columns);
+    sphm_real *rest = (sphm_real *)malloc(4 * n * sizeof *rest);
+    sphm_real *pair = (sphm_real *)malloc((pairs + 1) * sizeof *pair);
     int32_t *slots = (int32_t *)malloc((held + 1) * sizeof *slots);
     sphm_solid_copier c = {b, SPHM_OK, context};
-    if (!columns || !slots)
+    if (!columns || !rest || !pair || !slots)
         c.status = sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to prepare %zu particles", n);
     if (c.status == SPHM_OK) {
         for (size_t i = 0; i < n; ++i)
             for (size_t k = 0; k < 6; ++k)
                 columns[k * n + i] = b->rest.gradient.correction[6 * i + k];
+        for (size_t i = 0; i < n; ++i) {
+            const sphm_real line[4] = {s->rest_x[i], s->rest_y[i], s->rest_z[i], 0};
+            memcpy(rest + 4 * i, line, sizeof line);
+        }
+        for (size_t k = 0; k < pairs; ++k)
+            pair[k] = b->rest.gradient.pair[4 * k + 3];
         list_held(b, slots);
     }
     sphm_solid_upload(&c, d->row_start, rows->row_start, n + 1, sizeof *rows->row_start);
     sphm_solid_upload(&c, d->row_count, rows->row_count, n, sizeof *rows->row_count);
     sphm_solid_upload(&c, d->neighbour, rows->slot, pairs, sizeof *rows->slot);
-    sphm_solid_upload(&c, d->pair, b->rest.gradient.pair, 4 * pairs, sizeof(sphm_real));
+    sphm_solid_upload(&c, d->pair, pair, pairs, sizeof(sphm_real));
+    sphm_solid_upload(&c, d->rest, rest, 4 * n, sizeof(sphm_real));
     sphm_solid_upload(&c, d->weight, b->rest.diffusion.weight, pairs, sizeof(sphm_real));
     sphm_solid_upload(&c, d->correction, columns, 6 * n, sizeof(sphm_real));
-    for (size_t a = 0; a < 3; ++a) {
-        sphm_solid_upload(&c, d->rest + a * n, rest[a], n, sizeof(sphm_real));
+    for (size_t a = 0; a < 3; ++a)
         sphm_solid_upload(&c, d->fibre + a * n, fibre[a], n, sizeof(sphm_real));
-    }
     sphm_solid_upload(&c, d->attachment, s->attachment, n, 1);
     sphm_solid_upload(&c, d->electrodes, s->electrodes, n, 1);
     sphm_solid_upload(&c, d->id, s->id, n, sizeof *d->id);
     sphm_solid_upload(&c, d->held, slots, held, sizeof *slots);
     sphm_solid_finish_copies(&c);
     free(columns);
+    free(rest);
+    free(pair);
     free(slots);
     return c.status;
 }

@@ -26,7 +26,7 @@ SPHM_FN void sphm_solid_fail(const sphm_solid_device *d, int step, int not_finit
 SPHM_FN int sphm_solid_within(const sphm_solid_device *d, const sphm_solid_pull *pull, size_t i) {
     double square = 0;
     for (int a = 0; a < 3; ++a) {
-        const sphm_real x = d->rest[(size_t)a * d->count + i] + d->motion[8 * i + (size_t)a];
+        const sphm_real x = d->rest[4 * i + (size_t)a] + d->motion[8 * i + (size_t)a];
         const double away = (double)x - pull->centre_m[a];
         square += away * away;
     }
@@ -80,21 +80,24 @@ SPHM_FN sphm_real sphm_solid_spread_finish(const sphm_solid_device *d, const sph
 /* Force and motion -----------------------------------------------------------------------------------------
  */
 
-/* f_i/V = sum_j [(A_i + A_j) w X_ij + w k (u_j - u_i + tau (v_j - v_i))] of the stress lines. */
+/* f_i/V = sum_j [(A_i + A_j) w X_ij + w k (u_j - u_i + tau (v_j - v_i))] of the stress lines, which have X,
+ * too. */
 SPHM_FN void sphm_solid_force_lane(const sphm_solid_device *d, const sphm_real *stress, size_t i, int lane,
                                    sphm_real sum[3]) {
     const uint64_t begin = d->row_start[i], end = begin + (uint64_t)d->row_count[i];
-    sphm_real own[16], other[16], w[4];
+    sphm_real own[16], other[16], wx[3];
     for (int c = 0; c < 16; c += 4)
         sphm_load4(stress + 16 * i + c, own + c);
     for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_DEVICE_LANES) {
         const sphm_real *line = stress + 16 * (size_t)d->neighbour[k];
-        sphm_load4(d->pair + 4 * k, w);
+        const sphm_real w = d->pair[k];
         for (int c = 0; c < 16; c += 4)
             sphm_load4(line + c, other + c);
+        for (int c = 0; c < 3; ++c)
+            wx[c] = w * (other[4 * c + 3] - own[4 * c + 3]);
         for (int a = 0; a < 3; ++a)
-            sum[a] += (own[a] + other[a]) * w[0] + (own[4 + a] + other[4 + a]) * w[1] +
-                      (own[8 + a] + other[8 + a]) * w[2] + (other[12 + a] - own[12 + a]) * w[3];
+            sum[a] += (own[a] + other[a]) * wx[0] + (own[4 + a] + other[4 + a]) * wx[1] +
+                      (own[8 + a] + other[8 + a]) * wx[2] + (other[12 + a] - own[12 + a]) * w;
     }
 }
 
@@ -117,7 +120,7 @@ SPHM_FN void sphm_solid_sum_held(const sphm_solid_device *d, const sphm_real *he
         const size_t i = (size_t)d->held[index];
         double arm[3], force[3], moment[3];
         for (size_t a = 0; a < 3; ++a) {
-            const sphm_real x = d->rest[a * d->count + i] + d->motion[8 * i + a];
+            const sphm_real x = d->rest[4 * i + a] + d->motion[8 * i + a];
             arm[a] = (double)x - pivot[a];
             force[a] = (double)held_force[4 * index + a];
         }
@@ -152,15 +155,17 @@ SPHM_FN void sphm_solid_end_sum_thread(const sphm_solid_device *d, size_t thread
                         SPHM_SOLID_END_PARTIALS, d->end_sum + 6 * thread);
 }
 
-/* As move_block() of src/cpu/solid_ends.c. Thread: the end. */
-SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_plan *p, int end) {
+/* As move_block() of src/cpu/solid_ends.c. Thread: the end. `end_sum`: what d->end_sum has, from where it is
+ * read quickly. */
+SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_plan *p, const double *end_sum,
+                                        int end) {
     sphm_solid_end *plan = &p->ends[end];
     sphm_end_body body = d->submission->ends[end];
     const sphm_end_block *block = &d->blocks[end];
     if (plan->moved_by == SPHM_SOLID_FOLLOWS || !(block->particles > 0))
         return;
     double sum[6] = {0, 0, 0, 0, 0, 0}, pull[3];
-    const double *partial = d->end_sum + (size_t)end * 6 * SPHM_SOLID_END_PARTIALS;
+    const double *partial = end_sum + (size_t)end * 6 * SPHM_SOLID_END_PARTIALS;
     for (int t = 0; t < SPHM_SOLID_END_PARTIALS; ++t)
         for (int a = 0; a < 6; ++a)
             sum[a] += partial[6 * t + a];
@@ -185,8 +190,8 @@ SPHM_FN void sphm_solid_end_step_thread(const sphm_solid_device *d, sphm_solid_p
 SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid_plan *p, int step, size_t i,
                                     const sphm_real sum[3]) {
     sphm_real motion[8];
-    for (int c = 0; c < 8; ++c)
-        motion[c] = d->motion[8 * i + (size_t)c];
+    sphm_load4(d->motion + 8 * i, motion);
+    sphm_load4(d->motion + 8 * i + 4, motion + 4);
     if (d->attachment[i] == SPHM_FREE) {
         sphm_real force[3];
         for (int a = 0; a < 3; ++a)
@@ -197,11 +202,11 @@ SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid
         const int end = d->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION;
         double rest[3];
         for (int a = 0; a < 3; ++a)
-            rest[a] = (double)d->rest[(size_t)a * d->count + i];
+            rest[a] = (double)d->rest[4 * i + (size_t)a];
         sphm_end_carry(&p->ends[end].frame, rest, motion);
     }
-    for (int c = 0; c < 8; ++c)
-        d->motion[8 * i + (size_t)c] = motion[c];
+    sphm_store4(d->motion + 8 * i, motion);
+    sphm_store4(d->motion + 8 * i + 4, motion + 4);
     if (!sphm_motion_is_finite(motion))
         sphm_solid_fail(d, step, 1, i);
     if (!p->commanded)
@@ -215,19 +220,24 @@ SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid
 /* sum[9 * q + 3 * a + c] of q = u, v: sum_j (q_j - q_i)_a w X_c; S in H = S B. */
 SPHM_FN void sphm_solid_strain_lane(const sphm_solid_device *d, size_t i, int lane, sphm_real sum[18]) {
     const uint64_t begin = d->row_start[i], end = begin + (uint64_t)d->row_count[i];
-    sphm_real own[8], other[8], w[4];
+    sphm_real own[8], other[8], own_rest[4], rest[4], wx[3];
+    sphm_load4(d->rest + 4 * i, own_rest);
     sphm_load4(d->motion + 8 * i, own);
     sphm_load4(d->motion + 8 * i + 4, own + 4);
     for (uint64_t k = begin + (uint64_t)lane; k < end; k += SPHM_DEVICE_LANES) {
-        const sphm_real *line = d->motion + 8 * (size_t)d->neighbour[k];
-        sphm_load4(d->pair + 4 * k, w);
+        const size_t j = (size_t)d->neighbour[k];
+        const sphm_real *line = d->motion + 8 * j;
+        const sphm_real w = d->pair[k];
+        sphm_load4(d->rest + 4 * j, rest);
         sphm_load4(line, other);
         sphm_load4(line + 4, other + 4);
+        for (int c = 0; c < 3; ++c)
+            wx[c] = w * (rest[c] - own_rest[c]);
         for (int a = 0; a < 3; ++a) {
             const sphm_real u = other[a] - own[a], v = other[4 + a] - own[4 + a];
             for (int c = 0; c < 3; ++c) {
-                sum[3 * a + c] += u * w[c];
-                sum[9 + 3 * a + c] += v * w[c];
+                sum[3 * a + c] += u * wx[c];
+                sum[9 + 3 * a + c] += v * wx[c];
             }
         }
     }
@@ -255,13 +265,20 @@ SPHM_FN void sphm_solid_evaluate_particle(const sphm_solid_device *d, const sphm
     sphm_solid_correct(sum, b, H);
     sphm_solid_correct(sum + 9, b, rate);
     sphm_solid_evaluate(tissue, H, rate, f0, activation, d->fibre_rate[i], rate_share, b, result);
-    sphm_real *line = stress + 16 * i;
-    const sphm_real *motion = d->motion + 8 * i;
-    for (int c = 0; c < 3; ++c)
+    sphm_real line[4], rest[4], motion[8];
+    sphm_load4(d->rest + 4 * i, rest);
+    sphm_load4(d->motion + 8 * i, motion);
+    sphm_load4(d->motion + 8 * i + 4, motion + 4);
+    for (int c = 0; c < 3; ++c) {
         for (int r = 0; r < 3; ++r)
-            line[4 * c + r] = result->A[3 * r + c];
+            line[r] = result->A[3 * r + c];
+        line[3] = rest[c];
+        sphm_store4(stress + 16 * i + 4 * c, line);
+    }
     for (int r = 0; r < 3; ++r)
-        line[12 + r] = tissue->hourglass_Pa * (motion[r] + tissue->hourglass_time_s * motion[4 + r]);
+        line[r] = tissue->hourglass_Pa * (motion[r] + tissue->hourglass_time_s * motion[4 + r]);
+    line[3] = 0;
+    sphm_store4(stress + 16 * i + 12, line);
 }
 
 /* The last cell sweep, where diffusion has come before it, and the activation. */
@@ -336,7 +353,7 @@ SPHM_FN void sphm_solid_snapshot_thread(const sphm_solid_device *d, const sphm_s
     sphm_look_particle *p = &call->line[d->id[i]];
     const sphm_real *motion = d->motion + 8 * i;
     for (size_t a = 0; a < 3; ++a) {
-        p->place_m[a] = d->rest[a * d->count + i] + motion[a];
+        p->place_m[a] = d->rest[4 * i + a] + motion[a];
         p->velocity_m_per_s[a] = motion[4 + a];
     }
     p->density_kg_per_m3 = d->density[i];

@@ -18,6 +18,14 @@ SPHM_FN void sphm_count_up(uint32_t *counter) {
 #endif
 }
 
+SPHM_FN void sphm_add_up(uint64_t *sum, uint64_t value) {
+#ifdef __CUDA_ARCH__
+    atomicAdd((unsigned long long *)sum, (unsigned long long)value);
+#else
+    *sum += value;
+#endif
+}
+
 SPHM_FN void sphm_keep_smallest(uint64_t *smallest, uint64_t value) {
 #ifdef __CUDA_ARCH__
     atomicMin((unsigned long long *)smallest, (unsigned long long)value);
@@ -42,6 +50,15 @@ SPHM_FN void sphm_load4(const sphm_real *from, sphm_real to[4]) {
     to[1] = four.y;
     to[2] = four.z;
     to[3] = four.w;
+#else
+    for (int c = 0; c < 4; ++c)
+        to[c] = from[c];
+#endif
+}
+
+SPHM_FN void sphm_store4(sphm_real *to, const sphm_real from[4]) {
+#if defined(__CUDA_ARCH__) && !defined(SPH_MUSCLE_DOUBLE)
+    *(float4 *)to = make_float4(from[0], from[1], from[2], from[3]);
 #else
     for (int c = 0; c < 4; ++c)
         to[c] = from[c];

@@ -176,6 +176,12 @@ void exercise_fluid(Muscle &muscle, std::vector<double> *numbers) {
     numbers->push_back(ops->limits(backend).smallest);
     numbers->push_back(ops->limits(backend).courant);
     numbers->push_back(ops->timing(backend).neighbours_per_particle);
+    // As the device packs them, on its second stream.
+    sphm_particles p{};
+    ++muscle.handle->changes;
+    ASSERT_EQ(sphm_muscle_particles(muscle.handle, &p, nullptr), SPHM_OK);
+    ASSERT_EQ(muscle.handle->looks.there, 1);
+    numbers->insert(numbers->end(), p.position_m, p.position_m + SPHM_LOOK_FIELDS * p.count);
 }
 
 // All three kinds of forces; more than one block in a reduction, and a last one with idle lanes.
@@ -375,6 +381,12 @@ TEST(CudaKernels, TimesItsLaunches) {
     EXPECT_NEAR(timing.forces_s, 0.032, 1e-9); // a launch takes the shim a millisecond
     EXPECT_NEAR(timing.density_pressure_s, 0.032, 1e-9);
     EXPECT_EQ(timing.diffusion_s, 0);
+    ASSERT_EQ(timing.launch_kinds, SPHM_SOLID_LAUNCHES);
+    for (size_t k = 0; k < timing.launch_kinds; ++k) {
+        const std::string name = timing.launch_name[k];
+        const bool taken = name == "move" || name == "strain";
+        EXPECT_NEAR(timing.launch_s[k], taken ? 0.032 : name == "report" ? 0.001 : 0, 1e-9) << name;
+    }
 }
 
 TEST(CudaKernels, SaysHowMuchMemoryIsMissing) {

@@ -21,6 +21,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <set>
 #include <vector>
 
 #include "sph_muscle/types.h"
@@ -257,10 +258,14 @@ inline cudaError_t enqueue(cudaStream_t stream, std::function<void()> work) {
     return error;
 }
 
+inline std::set<const void *> loaded; // kernels
+
 template <class Kernel, class... Arguments>
 void launch(Kernel kernel, unsigned blocks, unsigned threads, cudaStream_t stream, Arguments... arguments) {
     if (blocks == 0 || threads == 0 || threads > MOST_THREADS)
         die("a launch without blocks, or of too many threads");
+    if (stream && stream->capturing && loaded.count(reinterpret_cast<const void *>(kernel)) == 0)
+        die("a kernel that would have to be loaded while launches are recorded");
     now.last = enqueue(stream, [=] { run_grid(blocks, threads, [=] { kernel(arguments...); }); });
 }
 
@@ -295,6 +300,14 @@ inline cudaError_t cudaSetDevice(int) {
 }
 inline cudaError_t cudaGetDeviceProperties(cudaDeviceProp *properties, int) {
     *properties = {"Shim", 9, 0};
+    return shim::call();
+}
+struct cudaFuncAttributes {
+    int numRegs;
+};
+template <class Kernel> cudaError_t cudaFuncGetAttributes(cudaFuncAttributes *attributes, Kernel *kernel) {
+    attributes->numRegs = 0;
+    shim::loaded.insert(reinterpret_cast<const void *>(kernel));
     return shim::call();
 }
 inline cudaError_t cudaDeviceGetStreamPriorityRange(int *least, int *greatest) {

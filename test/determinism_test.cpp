@@ -28,6 +28,24 @@ TEST(Determinism, AnyNumberOfThreadsGivesTheSameBits) {
     EXPECT_EQ(run("1", "fibre_tension", "parallel"), run("3", "fibre_tension", "parallel"));
 }
 
+// A solid's rest shape is made by several threads from some thousands of particles on.
+TEST(Determinism, TheRestShapeIsTheSameForAnyNumberOfThreads) {
+    std::vector<double> limit, isolated, values[2];
+    for (const char *threads : {"1", "3"}) {
+        Muscle muscle(Muscle::Settings{
+            {"tissue", "solid"}, {"particles", "6000"}, {"smoothing_ratio", "2"}, {"threads", threads}});
+        ASSERT_EQ(muscle.status, SPHM_OK) << muscle.context.message;
+        muscle.stimulate(8000);
+        muscle.advance(2e-4);
+        values[limit.size()] = muscle.values();
+        limit.push_back(sphm_muscle_time_step_limits(muscle.handle).smallest);
+        isolated.push_back(static_cast<double>(sphm_muscle_body(muscle.handle)->isolated));
+    }
+    EXPECT_EQ(limit[0], limit[1]);
+    EXPECT_EQ(isolated[0], isolated[1]);
+    EXPECT_EQ(values[0], values[1]);
+}
+
 TEST(Determinism, ARestoredStateContinuesBitForBit) {
     Muscle one(lively), two(lively);
     one.stimulate(8000);

@@ -151,7 +151,7 @@ inline void run(const sphm_solid_device &d, const sphm_solid_call &call) {
         break;
     case SPHM_SOLID_END_STEP:
         for (int end = 0; end < SPHM_END_COUNT && !sphm_solid_has_failed(&d, call.step); ++end)
-            sphm_solid_end_step_thread(&d, &d.submission->plan[call.step], end);
+            sphm_solid_end_step_thread(&d, &d.submission->plan[call.step], d.end_sum, end);
         break;
     case SPHM_SOLID_PART_SUM:
         for (size_t t = 0; t < SPHM_SOLID_PARTIALS; ++t)

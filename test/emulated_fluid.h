@@ -101,15 +101,12 @@ inline void run_rebuild(const sphm_fluid_device &d, int which) {
 
 inline void run_report(const sphm_fluid_device &d, int which) {
     const auto larger = [](double a, double b) { return a > b ? a : b; };
-    const auto plus = [](double a, double b) { return a + b; };
     if (which == SPHM_FLUID_REPORT)
         reduce<3>(
             d, 0, [&](size_t t, size_t threads, double *s) { sphm_fluid_report_thread(&d, t, threads, s); },
             larger, &d.report->largest[0][0]);
     else if (which == SPHM_FLUID_WITHIN)
-        reduce<1>(
-            d, 0, [&](size_t t, size_t threads, double *s) { sphm_fluid_within_thread(&d, t, threads, s); },
-            plus, d.report->within);
+        for_threads(d.count, [&](size_t i) { sphm_fluid_within_thread(&d, i); });
     else
         for_threads(d.count, [&](size_t i) { sphm_fluid_set_rest_thread(&d, i); });
 }
@@ -147,6 +144,8 @@ inline void run_fluid_particle(const sphm_fluid_device &d, const sphm_fluid_call
 inline void run_fluid(const sphm_fluid_device &d, const sphm_fluid_call &call) {
     if (call.launch < SPHM_FLUID_SUM)
         return run_rebuild(d, call.launch);
+    if (call.launch == SPHM_FLUID_SNAPSHOT)
+        return for_threads(d.count, [&](size_t i) { sphm_fluid_snapshot_thread(&d, &call, i); });
     if (call.launch > SPHM_FLUID_FORCE)
         return run_report(d, call.launch);
     if (sphm_fluid_has_ended(&d, call.step))
@@ -157,7 +156,8 @@ inline void run_fluid(const sphm_fluid_device &d, const sphm_fluid_call &call) {
             [&](size_t t, size_t threads, double *s) { sphm_fluid_sum_thread(&d, call.step, t, threads, s); },
             [](double a, double b) { return a + b; }, d.moment);
     } else if (call.launch == SPHM_FLUID_RIGID) {
-        for_threads(SPHM_MOMENT_SUMS, [&](size_t t) { sphm_fluid_rigid_thread(&d, static_cast<int>(t)); });
+        for_threads(SPHM_MOMENT_SUMS,
+                    [&](size_t t) { sphm_fluid_rigid_thread(&d, d.moment, static_cast<int>(t)); });
         sphm_fluid_rigid_finish(&d);
     } else {
         for_threads(d.count, [&](size_t i) { run_fluid_particle(d, call, i); });

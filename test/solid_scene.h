@@ -108,7 +108,7 @@ struct Scene {
         if (columns)
             follow_lattice();
         require(sphm_gradient_create(&gradient, &rows, rest[0].data(), rest[1].data(), rest[2].data(),
-                                     ratio * spacing, volume, &context),
+                                     ratio * spacing, volume, 1, &context),
                 context);
         require(sphm_solid_lines_create(&lines, &rows, &gradient, rest[0].data(), rest[1].data(),
                                         rest[2].data(), columns ? &lattice : nullptr, &context),

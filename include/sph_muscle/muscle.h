@@ -222,6 +222,8 @@ sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sp
 /* Of the last look that has finished, as sphm_muscle_glance(). */
 sphm_status sphm_muscle_glance_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
 
+enum { SPHM_LAUNCH_KINDS = 24 };
+
 /* Where the time went since creation, reset or the last sphm_muscle_reset_timing(), s of wall time. */
 typedef struct sphm_timing {
     uint64_t steps;
@@ -230,6 +232,11 @@ typedef struct sphm_timing {
     double neighbours_per_particle;  /* mean, within the support radius */
     uint64_t neighbour_rebuilds;
     size_t memory_bytes; /* of the state and what computes on it, and of the buffers of what was looked at */
+    /* Of a back end on a device that is told to time its launches one by one (doc/cuda.md): kinds of launches
+     * and the time they took; else none. */
+    size_t launch_kinds;
+    const char *launch_name[SPHM_LAUNCH_KINDS];
+    double launch_s[SPHM_LAUNCH_KINDS];
 } sphm_timing;
 sphm_timing sphm_muscle_timing(const sphm_muscle *muscle);
 void sphm_muscle_reset_timing(sphm_muscle *muscle);

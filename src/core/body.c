@@ -7,6 +7,7 @@
 #include "core/line_of_action.h"
 #include "core/point_grid.h"
 #include "core/section.h"
+#include "core/threads.h"
 #include "core/vec3.h"
 #include "core/winding.h"
 
@@ -15,6 +16,8 @@
 
 /* A filling whose volume differs by more from that of the mesh hints at a mesh with large holes. */
 #define VOLUME_DOUBT 0.03
+/* Below this the hand-over between threads costs more than they save. */
+#define SERIAL_BELOW 5000
 
 void sphm_body_free(sphm_body *body) {
     if (!body)
@@ -162,16 +165,20 @@ static void set_support(sphm_body *body, const sphm_parameters *parameters) {
 
 /* Particles without a neighbour within h feel nothing of the others: a support that small is a mistake, but
  * the paper's shortest one comes near it, so that it is reported and not refused. */
-static sphm_status count_isolated(sphm_body *body, sphm_context *context) {
+static sphm_status count_isolated(sphm_body *body, int64_t threads, sphm_context *context) {
     sphm_point_grid grid;
+    size_t isolated = 0;
     sphm_status status =
         sphm_point_grid_create(body->positions, body->count, body->support_radius_m, &grid, context);
     if (status != SPHM_OK)
         return status;
+#pragma omp parallel for schedule(static) num_threads(sphm_team_size(threads))                               \
+    reduction(+ : isolated) if (body->count > SERIAL_BELOW)
     for (size_t p = 0; p < body->count; p++)
-        body->isolated +=
+        isolated +=
             sphm_point_grid_within(&grid, &body->positions[3 * p], body->support_radius_m, NULL, 0) < 2;
     sphm_point_grid_free(&grid);
+    body->isolated = isolated;
     if (body->isolated > 0)
         sphm_log(
             context, SPHM_LOG_WARNING,
@@ -193,7 +200,7 @@ static sphm_status build(sphm_body *body, const sphm_parameters *parameters, con
         return status;
     sphm_body_measure_section(body);
     set_support(body, parameters);
-    status = count_isolated(body, context);
+    status = count_isolated(body, parameters->threads, context);
     return status == SPHM_OK ? sphm_body_lay_fibres(body, parameters, context) : status;
 }
 

@@ -1,5 +1,6 @@
 /* Gradients on the rest shape; see gradient.h. Reads rest positions and neighbour rows, computes in double,
- * stores what the sweeps read. Serial: it runs once, at creation. */
+ * stores what the sweeps read. Particles are independent of each other but for sums over all of them, which
+ * are serial: neither the number of threads nor chance touches a bit. */
 #include "core/gradient.h"
 
 #include <math.h>
@@ -7,7 +8,10 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/threads.h"
 
+/* Below this the hand-over between threads costs more than they save. */
+#define SERIAL_BELOW 5000
 /* Power iterations: each is two sweeps over the pairs; the eigenvalue is then known within a few per cent,
  * from below, which ESTIMATE_MARGIN makes up for. */
 #define ITERATIONS 24
@@ -46,24 +50,29 @@ static double invert_symmetric(const double m[6], double inverse[6]) {
     return determinant;
 }
 
-static void correct(sphm_gradient *gradient, size_t slot, double m[6]) {
+enum { WHOLE, ISOLATED, REGULARISED };
+
+/* Says which of the three the particle is. */
+static int correct(sphm_gradient *gradient, size_t slot, double m[6]) {
     double inverse[6] = {0, 0, 0, 0, 0, 0};
     const double mean = (m[0] + m[3] + m[5]) / 3;
+    int what = WHOLE;
     if (!(mean > 0)) {
-        ++gradient->isolated;
+        what = ISOLATED;
     } else if (!(invert_symmetric(m, inverse) > SINGULAR * mean * mean * mean)) {
-        ++gradient->regularised;
+        what = REGULARISED;
         for (int d = 0; d < 6; d += d ? 2 : 3) /* 0, 3, 5 */
             m[d] += 3 * REGULARISATION * mean;
         invert_symmetric(m, inverse);
     }
     for (int d = 0; d < 6; ++d)
         gradient->correction[6 * slot + (size_t)d] = (sphm_real)inverse[d];
+    return what;
 }
 
 /* Weights of a row and, from the weights as they were rounded, its correction. */
-static void build_row(sphm_gradient *gradient, const sphm_neighbours *rows, size_t slot, const sphm_real *x,
-                      const sphm_real *y, const sphm_real *z, double radius, double volume) {
+static int build_row(sphm_gradient *gradient, const sphm_neighbours *rows, size_t slot, const sphm_real *x,
+                     const sphm_real *y, const sphm_real *z, double radius, double volume) {
     double m[6] = {0, 0, 0, 0, 0, 0};
     for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
         const int32_t j = rows->slot[k];
@@ -83,7 +92,7 @@ static void build_row(sphm_gradient *gradient, const sphm_neighbours *rows, size
         m[4] += (double)pair[1] * Z;
         m[5] += (double)pair[2] * Z;
     }
-    correct(gradient, slot, m);
+    return correct(gradient, slot, m);
 }
 
 /* g = B v */
@@ -96,7 +105,8 @@ static void apply_correction(const sphm_gradient *gradient, size_t slot, const d
 
 /* grad phi of every particle, and (into `jumps`) the sum of w (phi_j - phi_i). */
 static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *phi,
-                           double *grad, double *jumps) {
+                           int threads, double *grad, double *jumps) {
+#pragma omp parallel for schedule(static) num_threads(threads) if (gradient->count > SERIAL_BELOW)
     for (size_t slot = 0; slot < gradient->count; ++slot) {
         double sum[4] = {0, 0, 0, 0};
         for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
@@ -112,7 +122,8 @@ static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours 
 /* Minus the derivative of half the quadratic form: of sum |grad phi|^2 (hourglass 0), or of the hourglass
  * energy (1), whose own derivative with respect to grad phi vanishes (doc/solid.md). */
 static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *grad,
-                          const double *jumps, int hourglass, double *force) {
+                          const double *jumps, int hourglass, int threads, double *force) {
+#pragma omp parallel for schedule(static) num_threads(threads) if (gradient->count > SERIAL_BELOW)
     for (size_t slot = 0; slot < gradient->count; ++slot) {
         double own[3];
         if (hourglass)
@@ -136,7 +147,7 @@ static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *
 
 /* Largest eigenvalue by power iteration from a start that has no symmetry. `work`: 6 doubles a particle. */
 static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neighbours *rows, int hourglass,
-                                 double *work) {
+                                 int threads, double *work) {
     const size_t n = gradient->count;
     double *phi = work, *force = work + n, *jumps = work + 2 * n, *grad = work + 3 * n;
     uint32_t random = 12345;
@@ -146,8 +157,8 @@ static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neigh
     }
     double eigenvalue = 0;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
-        sweep_gradient(gradient, rows, phi, grad, jumps);
-        sweep_adjoint(gradient, rows, grad, jumps, hourglass, force);
+        sweep_gradient(gradient, rows, phi, threads, grad, jumps);
+        sweep_adjoint(gradient, rows, grad, jumps, hourglass, threads, force);
         double norm = 0, before = 0;
         for (size_t i = 0; i < n; ++i) {
             norm += force[i] * force[i];
@@ -179,33 +190,40 @@ static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows
 }
 
 static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
-                       const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3) {
-    size_t pairs = 0;
+                       const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
+                       int threads) {
+    size_t pairs = 0, isolated = 0, regularised = 0;
+#pragma omp parallel for schedule(static) num_threads(threads)                                               \
+    reduction(+ : pairs, isolated, regularised) if (rows->count > SERIAL_BELOW)
     for (size_t slot = 0; slot < rows->count; ++slot) {
-        build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
+        const int what = build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
         pairs += (size_t)rows->row_count[slot];
+        isolated += what == ISOLATED;
+        regularised += what == REGULARISED;
     }
+    gradient->isolated = isolated;
+    gradient->regularised = regularised;
     gradient->neighbours_per_particle = rows->count ? (double)pairs / (double)rows->count : 0;
 }
 
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                  const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                 sphm_context *context) {
+                                 int threads, sphm_context *context) {
     memset(gradient, 0, sizeof *gradient);
     double *work;
     const sphm_status status = allocate(gradient, rows, &work, context);
     if (status != SPHM_OK)
         return status;
-    build_rows(gradient, rows, x, y, z, radius_m, volume_m3);
-    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, 0, work);
-    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, 1, work);
+    build_rows(gradient, rows, x, y, z, radius_m, volume_m3, threads);
+    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, 0, threads, work);
+    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, 1, threads, work);
     free(work);
     return SPHM_OK;
 }
 
 sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                   const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                  sphm_context *context) {
+                                  int threads, sphm_context *context) {
     sphm_gradient rebuilt;
     double *work;
     memset(&rebuilt, 0, sizeof rebuilt);
@@ -213,7 +231,7 @@ sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours
     if (status != SPHM_OK)
         return status;
     free(work);
-    build_rows(&rebuilt, rows, x, y, z, radius_m, volume_m3);
+    build_rows(&rebuilt, rows, x, y, z, radius_m, volume_m3, threads);
     rebuilt.gradient_eigenvalue = gradient->gradient_eigenvalue;
     rebuilt.hourglass_eigenvalue = gradient->hourglass_eigenvalue;
     sphm_gradient_free(gradient);

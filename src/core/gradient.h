@@ -34,12 +34,12 @@ void sphm_gradient_free(sphm_gradient *gradient); /* a zeroed one is fine */
  * `gradient` is zeroed. */
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                  const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                 sphm_context *context);
+                                 int threads, sphm_context *context);
 /* The same of the same particles in another slot order; the eigenvalues stay. They are estimates that depend
  * a little on the order, and time steps on them: back ends estimate in one order and sweep in their own. */
 sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                   const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                  sphm_context *context);
+                                  int threads, sphm_context *context);
 
 #ifdef __cplusplus
 }

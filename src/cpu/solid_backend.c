@@ -122,12 +122,12 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
         sphm_neighbours_build(&b->rows, &b->grid, s->x, s->y, s->z, s->count, radius, b->threads, context);
     if (status == SPHM_OK)
         status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
-                                      b->model->particle_volume_m3, context);
+                                      b->model->particle_volume_m3, b->threads, context);
     if (status == SPHM_OK)
         status = follow_lattice(b, &lattice, context);
     if (status == SPHM_OK && lattice.site)
         status = sphm_gradient_rebuild(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
-                                       b->model->particle_volume_m3, context);
+                                       b->model->particle_volume_m3, b->threads, context);
     if (status == SPHM_OK)
         status = sphm_cpu_build_diffusion(&b->diffusion, &b->rows, b->model, s, b->threads, context);
     if (status == SPHM_OK)
