@@ -11,7 +11,7 @@ TITLE = "A belly against finite elements"
 QUESTION = """A spindle of 0.20 m (mid half axes 25 and 18 mm, ends 6 mm, straight fibres along x) is held at both ends,
 10 % of its volume each, and activated to 0.1, 0.3 and 0.5. Does the muscle pull, bulge and move as quadratic finite
 elements of the same law say? Do both end forces and three sections agree, and how do results change with the spacing?
-The fibre law acts on the volume-free stretch (Blemker and Delp); Table 3; one hourglass coefficient, 3e4 Pa."""
+The fibre law acts on the volume-free stretch (Blemker and Delp); Table 3; one hourglass coefficient, the default's."""
 
 ALPHAS = (0.1, 0.3, 0.5)
 PLANE = 0.0576  # m from the middle: beyond it lie 10 % of the volume at each end

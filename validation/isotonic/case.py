@@ -72,7 +72,7 @@ def particles(r, count, alpha, load):
 
 
 def run(r):
-    counts = [2231] if r.quick else [2231, 4944]
+    counts = [4944] if r.quick else [2231, 4944, 9888, 18475]
     alphas = (0.1,) if r.quick else (0.1, 0.3)
     rows = []
     figure, axes = plt.subplots()
