@@ -29,9 +29,10 @@ def ratio(r, V):
                hill_curvature=CURVATURE, eccentric_force=PLATEAU, rate_filter=0.01, passive_coefficient=0,
                velocity_damping=20, mass_scaling=9, max_pose_jump=1)
     speed = V * MOST * OPTIMAL * FREE
-    m.move_end(INSERTION, [(OPTIMAL - 1) * FREE + 0.03 * speed, 0, 0], 0.05)
+    # Slowly: active fibres that are drawn out fast, beyond the optimum, neck, for neither curve resists it.
+    m.move_end(INSERTION, [(OPTIMAL - 1) * FREE + 0.03 * speed, 0, 0], 0.2)
     m.activate(1)
-    m.advance(0.2)
+    m.advance(0.25)
     m.move_end(INSERTION, [-0.08 * speed, 0, 0], 0.08, [-speed, 0, 0])
     m.advance(0.06)
     p = m.particles()
