@@ -25,7 +25,7 @@ COUNTS = (2231, 4944, 9888, 18475)
 ELEMENTS = ((1, 1000, 1), (1, 5000, 1), (1, 20000, 1), (2, 5000, 1), (2, 1500, 8), (2, 5000, 8), (2, 15000, 8))
 ELEMENTS_QUICK = ((1, 1000, 1), (2, 1500, 8))
 HELD = 0.9  # share of the volume below the upper held plane, and above the lower one
-CURVE_TO = 0.3  # activation of the contraction curves: above, fillings of the triceps run away
+CURVE_TO = 0.3  # activation of the contraction curves: above, fillings ran away as long as viscosity was not bounded
 # s at a level, up and down (activation falls with a time constant of 40 ms); end force and positions are means over the
 # last part of it. Three times as long changed the displacement by 0.1 % of the peak.
 RELAX, RELAX_DOWN, MEAN_OVER = 0.10, 0.25, 0.02
