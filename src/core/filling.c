@@ -311,8 +311,13 @@ static sphm_status search_offsets(const sphm_filling_task *task, int64_t layers,
                                   sphm_context *context) {
     sphm_status status = SPHM_OK;
     for (size_t o = 0; o < sizeof offsets / sizeof offsets[0] && status == SPHM_OK && !is_met(best, task);
-         o++)
+         o++) {
+        /* The first offset has no say where there are layers (first_offset); each with 0 there comes after
+         * the one with 0.5 that is its like otherwise, and would repeat its search. */
+        if (layers && offsets[o][0] == 0)
+            continue;
         status = search_spacing(task, layers, offsets[o], best, context);
+    }
     return status;
 }
 

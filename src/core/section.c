@@ -3,8 +3,10 @@
 #include "core/surface.h"
 #include "core/vec3.h"
 
-/* The box is halved this often: to 1e-14 of its length. */
+/* The box is halved this often: to 1e-14 of its length. Of points, which are many, to 1e-9; what lies below
+ * grows with the section in straight lines there, and in the rest one is taken. */
 #define HALVINGS 46
+#define HALVINGS_OF_POINTS 30
 
 static void order(double x[3]) {
     for (int k = 0; k < 3; k++) {
@@ -82,16 +84,26 @@ double sphm_share_below(const sphm_cut_body *body, const double axis[3], double 
     return below(body, axis, at_m) / below(body, axis, bound[1]);
 }
 
+/* Below which `wanted` lies, between the bounds, of which nothing and `whole` do. */
+static double section_of(const sphm_cut_body *body, const double axis[3], const double bound[2], double whole,
+                         double wanted) {
+    const int halvings = body->surface ? HALVINGS : HALVINGS_OF_POINTS;
+    double at[2] = {bound[0], bound[1]}, volume[2] = {0, whole};
+    for (int k = 0; k < halvings; k++) {
+        double middle = 0.5 * (at[0] + at[1]), below_it = below(body, axis, middle);
+        int side = !(below_it < wanted);
+        at[side] = middle;
+        volume[side] = below_it;
+    }
+    double share =
+        body->surface || !(volume[1] > volume[0]) ? 0.5 : (wanted - volume[0]) / (volume[1] - volume[0]);
+    return at[0] + share * (at[1] - at[0]);
+}
+
 void sphm_end_sections(const sphm_cut_body *body, const double axis[3], double share, double sections_m[2]) {
     double bound[2];
     bounds(body, axis, bound);
     double whole = below(body, axis, bound[1]);
-    for (int end = 0; end < 2; end++) {
-        double wanted = (end ? 1 - share : share) * whole, lower = bound[0], upper = bound[1];
-        for (int k = 0; k < HALVINGS; k++) {
-            double middle = 0.5 * (lower + upper);
-            *(below(body, axis, middle) < wanted ? &lower : &upper) = middle;
-        }
-        sections_m[end] = 0.5 * (lower + upper);
-    }
+    for (int end = 0; end < 2; end++)
+        sections_m[end] = section_of(body, axis, bound, whole, (end ? 1 - share : share) * whole);
 }

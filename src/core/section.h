@@ -8,8 +8,9 @@
 extern "C" {
 #endif
 
-/* What is cut. A closed surface is cut exactly; one with holes has no volume of its own, and what it was
- * filled with is cut in its stead: cells about `points`, `layer_m` thick along the direction. */
+/* What is cut. A closed surface without overlapping parts is cut exactly; one with holes has no volume of its
+ * own, and what it was filled with is cut in its stead: cells about `points`, `layer_m` thick along the
+ * direction. */
 typedef struct sphm_cut_body {
     const sphm_surface *surface; /* closed, or NULL */
     const double *points;        /* [3 * count], m; not read where there is a surface */
