@@ -16,8 +16,6 @@
 
 /* A filling whose volume differs by more from that of the mesh hints at a mesh with large holes. */
 #define VOLUME_DOUBT 0.03
-/* Below this the hand-over between threads costs more than they save. */
-#define SERIAL_BELOW 5000
 
 void sphm_body_free(sphm_body *body) {
     if (!body)
@@ -173,7 +171,7 @@ static sphm_status count_isolated(sphm_body *body, int64_t threads, sphm_context
     if (status != SPHM_OK)
         return status;
 #pragma omp parallel for schedule(static) num_threads(sphm_team_size(threads))                               \
-    reduction(+ : isolated) if (body->count > SERIAL_BELOW)
+    reduction(+ : isolated) if (body->count > SPHM_SERIAL_BELOW)
     for (size_t p = 0; p < body->count; p++)
         isolated +=
             sphm_point_grid_within(&grid, &body->positions[3 * p], body->support_radius_m, NULL, 0) < 2;

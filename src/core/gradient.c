@@ -10,8 +10,6 @@
 #include "core/context.h"
 #include "core/threads.h"
 
-/* Below this the hand-over between threads costs more than they save. */
-#define SERIAL_BELOW 5000
 /* Power iterations: each is two sweeps over the pairs; the eigenvalue is then known within a few per cent,
  * from below, which ESTIMATE_MARGIN makes up for. */
 #define ITERATIONS 24
@@ -106,7 +104,8 @@ static void apply_correction(const sphm_gradient *gradient, size_t slot, const d
 /* grad phi of every particle, and (into `jumps`) the sum of w (phi_j - phi_i). */
 static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *phi,
                            int threads, double *grad, double *jumps) {
-#pragma omp parallel for schedule(static) num_threads(threads) if (gradient->count > SERIAL_BELOW)
+#pragma omp parallel for schedule(static)                                                                    \
+    num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
     for (size_t slot = 0; slot < gradient->count; ++slot) {
         double sum[4] = {0, 0, 0, 0};
         for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
@@ -123,7 +122,8 @@ static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours 
  * energy (1), whose own derivative with respect to grad phi vanishes (doc/solid.md). */
 static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *grad,
                           const double *jumps, int hourglass, int threads, double *force) {
-#pragma omp parallel for schedule(static) num_threads(threads) if (gradient->count > SERIAL_BELOW)
+#pragma omp parallel for schedule(static)                                                                    \
+    num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
     for (size_t slot = 0; slot < gradient->count; ++slot) {
         double own[3];
         if (hourglass)
@@ -193,8 +193,8 @@ static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, con
                        const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
                        int threads) {
     size_t pairs = 0, isolated = 0, regularised = 0;
-#pragma omp parallel for schedule(static) num_threads(threads)                                               \
-    reduction(+ : pairs, isolated, regularised) if (rows->count > SERIAL_BELOW)
+#pragma omp parallel for schedule(static) num_threads(sphm_team_size(threads))                                               \
+    reduction(+ : pairs, isolated, regularised) if (rows->count > SPHM_SERIAL_BELOW)
     for (size_t slot = 0; slot < rows->count; ++slot) {
         const int what = build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
         pairs += (size_t)rows->row_count[slot];

@@ -30,8 +30,8 @@ typedef struct sphm_gradient {
 } sphm_gradient;
 
 void sphm_gradient_free(sphm_gradient *gradient); /* a zeroed one is fine */
-/* `rows` holds all pairs within radius_m at the rest positions x, y, z (slot order). On anything but SPHM_OK
- * `gradient` is zeroed. */
+/* `rows` holds all pairs within radius_m at the rest positions x, y, z (slot order). `threads`: 0 is all
+ * there are; no bit depends on it. On anything but SPHM_OK `gradient` is zeroed. */
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                  const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
                                  int threads, sphm_context *context);

@@ -12,6 +12,10 @@
 extern "C" {
 #endif
 
+/* Of particles, where a loop over them is short: below this the hand-over between threads costs more than
+ * they save. */
+#define SPHM_SERIAL_BELOW 5000
+
 /* The parameter `threads`: 0 is all there are. */
 static inline int sphm_team_size(int64_t threads) {
 #ifdef _OPENMP
