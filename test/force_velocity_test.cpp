@@ -93,7 +93,14 @@ TEST(ForceVelocity, BarFollowsHillsHyperbola) {
     for (double speed : {0.0, 1.0 / 3, 2.0 / 3, 1.0, -2.0 / 3}) {
         double V = 0;
         const double ratio = force_ratio(speed, &V), mean = speed / (4 * 1.07);
-        EXPECT_NEAR(V, mean, 0.5 * std::fabs(mean) + 0.005); // faster than beside the clamps
+        // Tissue beside the clamps cannot thicken and moves less, so that amid the bar it is faster than on
+        // the mean: 1.23 to 1.30 times where it shortens, 1.44 times where it lengthens.
+        if (speed == 0) {
+            EXPECT_LT(std::fabs(V), 0.005);
+        } else {
+            EXPECT_GT(V / mean, 1.1) << speed;
+            EXPECT_LT(V / mean, 1.5) << speed;
+        }
         EXPECT_NEAR(ratio, hill(V, 0.25, 1.4), 0.05 * hill(V, 0.25, 1.4)) << speed;
     }
 }

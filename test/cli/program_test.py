@@ -246,8 +246,8 @@ class Run(Case):
 
     def test_a_nonfinite_state_ends_with_3_and_keeps_the_files(self):
         """Finite but absurd potentials in a snapshot, its checksum made right: the membrane overflows."""
-        for tissue, stage in ((SMALL, "membrane"), (FLUID, "particle")):
-            with self.subTest(stage):
+        for name, tissue, stage in (("solid", SMALL, "(membrane, step"), ("fluid", FLUID, "in stage 'membrane'")):
+            with self.subTest(name):
                 common = [*tissue, "--every", "0.01", "--duration", "0.02"]
                 self.go(*common, "--out", self.path("a"), "--snapshot", self.path("s"))
                 with open(self.path("s"), "rb") as file:
@@ -260,10 +260,10 @@ class Run(Case):
                     checksum = (checksum ^ byte) * 0x100000001b3 % 2**64
                 with open(self.path("s"), "wb") as file:
                     file.write(snapshot + struct.pack("<Q", checksum))
-                done = self.go(*common, "--restore", self.path("s"), "--out", self.path(stage), code=3)
+                done = self.go(*common, "--restore", self.path("s"), "--out", self.path(name), code=3)
                 self.assertIn("particle", done.stderr)
                 self.assertIn(stage, done.stderr)
-                self.assertEqual([float(s["time_s"]) for s in self.samples(stage)], [0.02])
+                self.assertEqual([float(s["time_s"]) for s in self.samples(name)], [0.02])
 
     @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full")
     def test_a_full_disk_is_said(self):
