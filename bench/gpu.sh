@@ -217,7 +217,8 @@ stages() { # TISSUE; of `line`
     local n one
     n=$(value neighbours_per_particle "$line") particles_now=$(value particles "$line")
     number "$n" || return 0
-    [[ $1 == fluid ]] && n=$(awk -v n="$n" 'BEGIN { print 1.0927 * n }') # entries of a row, 3 % longer than the support
+    # Entries of a row of the fluid: within the support and the skin (SPHM_FLUID_SKIN in src/core/fluid_watch.h).
+    [[ $1 == fluid ]] && n=$(awk -v n="$n" -v skin=0.03 'BEGIN { print (1 + skin) ^ 3 * n }')
     of() { awk -v n="$n" "BEGIN { print $1 }"; }
     tell "  $1, $particles_now particles, $(shown %.4g "$n") entries a row"
     if [[ $1 == solid ]]; then

@@ -44,15 +44,17 @@ typedef struct sphm_body {
     size_t count;
     double spacing_m;    /* of the filling, cube root of a cell; mass per particle = density volume / count */
     double step_m[3][3]; /* of the filling's lattice: from a site to the next in its directions, a row each */
-    double layer_m;      /* what a step is along the line of action */
+    double layer_m; /* what a step is along the line of action; of a tilted line sqrt(sum (step . axis)^2) */
     double volume_m3;
     double support_radius_m;                     /* h */
     double length_m;                             /* |insertion - origin| */
     double mid_radius_m;                         /* equivalent radius sqrt(A/pi) of the mid-belly section */
     double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
-    /* Of the solid tissue: the sections across the line of action, x . axis, beyond which attachment_fraction
-     * of the volume lies. The tissue behaves as if clamped in them, though one layer more is held: gradients
-     * reach half a layer behind the last one. Equal where nothing is attached, and of the fluid. */
+    /* Of the solid tissue: the sections across the line of action beyond which attachment_fraction of the
+     * volume lies, [0] at the origin and [1] at the insertion; x . axis, m. The tissue behaves as if clamped
+     * in them, though one layer more is held: gradients reach half a layer behind the last one. A bar's
+     * layers do not follow them: it is clamped up to half a layer beside them. Both 0 where nothing is
+     * attached, and of the fluid. */
     double clamp_m[2];
     double lower_m[3], upper_m[3];
     double *positions;      /* [3 * count], m */

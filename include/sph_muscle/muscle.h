@@ -222,6 +222,7 @@ sphm_status sphm_muscle_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sp
 /* Of the last look that has finished, as sphm_muscle_glance(). */
 sphm_status sphm_muscle_glance_skin(sphm_muscle *muscle, int field, sphm_skin *skin, sphm_context *context);
 
+/* The most kinds of launches that a back end may have. */
 enum { SPHM_LAUNCH_KINDS = 24 };
 
 /* Where the time went since creation, reset or the last sphm_muscle_reset_timing(), s of wall time. */
@@ -233,10 +234,11 @@ typedef struct sphm_timing {
     uint64_t neighbour_rebuilds;
     size_t memory_bytes; /* of the state and what computes on it, and of the buffers of what was looked at */
     /* Of a back end on a device that is told to time its launches one by one (doc/cuda.md): kinds of launches
-     * and the time they took; else none. */
-    size_t launch_kinds;
-    const char *launch_name[SPHM_LAUNCH_KINDS];
-    double launch_s[SPHM_LAUNCH_KINDS];
+     * and the time they took, 0 ... launch_kinds - 1 of each array; else launch_kinds is 0. What lies beyond
+     * is not meant to be read. */
+    size_t launch_kinds;                        /* 0 ... SPHM_LAUNCH_KINDS */
+    const char *launch_name[SPHM_LAUNCH_KINDS]; /* constant text, never freed */
+    double launch_s[SPHM_LAUNCH_KINDS];         /* on the device, s; 0 for kinds that did not occur */
 } sphm_timing;
 sphm_timing sphm_muscle_timing(const sphm_muscle *muscle);
 void sphm_muscle_reset_timing(sphm_muscle *muscle);

@@ -312,7 +312,7 @@ void add_electrodes(const sphm_muscle *muscle, const sphm_body &body, const std_
                   header, markers);
 }
 
-std::string formatted(const char *format, ...) {
+__attribute__((format(printf, 1, 2))) std::string formatted(const char *format, ...) {
     char line[160];
     va_list values;
     va_start(values, format);

@@ -117,8 +117,8 @@ class GpuScript(unittest.TestCase):
         flop = 18475 * (42 * 60 + 100) / 184 / 1e3
         self.assertIn(f"{flop:.0f} GFLOP/s", line)
         self.assertIn("a launch in a graph 1.1 us, of blocks that fill the device 1.7 us; one that is waited for, as all below, 2.5 us", summary)
-        # The fluid's rows are longer than its neighbours are many.
-        entries = 60 * 1.0927
+        # The fluid's rows are longer than its neighbours are many: by the skin (SPHM_FLUID_SKIN).
+        entries = 60 * (1 + 0.03)**3
         line = next(line for line in summary.splitlines() if line.startswith("  force "))
         self.assertIn(f"{18475 * (60 * entries + 250) / 184 / 1e3:.0f} GB/s asked for", line)
         self.assertIn("  rigid                         7.50 us a step", summary)

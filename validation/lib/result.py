@@ -23,7 +23,7 @@ def commit(root):
     """The commit of the sources, with a + when they differ from it."""
     run = lambda *a: subprocess.run(["git", "-C", str(root), *a], capture_output=True, text=True).stdout.strip()
     changed = run("status", "--porcelain", "--untracked-files=no")
-    written = ("/result/", "/report/", " README.md")  # by a run
+    written = ("/result/", "/report/", " README.md")  # by a run: in README.md, its table
     relevant = [l for l in changed.splitlines() if not any(w in l for w in written)]
     return (run("rev-parse", "--short=10", "HEAD") or "unknown") + ("+" if relevant else "")
 
