@@ -137,7 +137,10 @@ class ArmTest(unittest.TestCase):
         for name, latest in markers.items():
             with open(rospy.get_param("/arm/sph_muscle_arm/%s/config" % name)) as file:
                 config = yaml.safe_load(file)
-            shown = latest.wait(lambda message: any(m.ns == "tendons" for m in message.markers), "tendons")
+            # What was published before the step ended may come after its answer.
+            ended = answer.insertion_wrenches[0].header.stamp
+            shown = latest.wait(lambda message: any(m.ns == "tendons" and m.header.stamp >= ended
+                                                    for m in message.markers), "tendons after the step")
             tendons = {marker.id: length(marker.points) for marker in shown.markers if marker.ns == "tendons"}
             self.assertEqual(len(tendons), 2 if config["tendon_ends"] == "both" else 1)
             self.assertIn(INSERTION, tendons)
