@@ -28,8 +28,9 @@ def fem_curve(r, alpha, size, law, least=-0.068):
     # fibres, and eight is too long (at activation 0.1, edges of 4 mm: 59.4 mm with eight, 61.2 mm with four, where edges
     # of 6 mm give 61.7 mm).
     body = fem.Body(fem.belly_mesh(size, 0.1 - belly.PLANE, 0.1 + belly.PLANE, elongation=4), law, 2, quarter=True)
-    body.solve(alpha=0.03)
-    body.solve(alpha=alpha)
+    for level in (0.03, 0.1, 0.2, alpha):  # fine meshes find no equilibrium in one leap
+        if level <= alpha:
+            body.solve(alpha=level, say=r.say)
     curve, shift, step = [(0.0, body.end_force()[0])], 0.0, 0.004
     while shift > least and curve[-1][1] > 0 and step > 2e-4:
         try:
