@@ -51,6 +51,18 @@ def finite_elements(r, alpha, size):
     return np.array(curve), cells
 
 
+def finest(r, alpha, sizes):
+    """The curve of the finest mesh that has an equilibrium at rest length, and its tetrahedra."""
+    import fem
+
+    for size in sizes:
+        try:
+            return finite_elements(r, alpha, size)
+        except fem.NoSolution as end:
+            r.note(f"Finite elements with edges of {1e3 * size:g} mm: no equilibrium found at activation {alpha} ({end}).")
+    raise RuntimeError(f"no mesh has an equilibrium at activation {alpha}")
+
+
 def shortening(curve, load):
     """Where the curve crosses the load (m); NaN where it does not."""
     x, f = -curve[:, 0], curve[:, 1] - load
@@ -82,7 +94,7 @@ def run(r):
     rows = []
     figure, axes = plt.subplots()
     for k, alpha in enumerate(alphas):
-        curve, cells = finite_elements(r, alpha, 0.004 if r.quick else 0.0025)
+        curve, cells = finest(r, alpha, (0.004,) if r.quick else (0.0025, 0.004, 0.006))
         axes.plot(-1e3 * curve[:, 0], curve[:, 1], f"C{k}^-", ms=3, label=f"finite elements, activation {alpha}")
         done = {}
         for load in LOADS[alpha]:
