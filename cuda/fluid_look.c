@@ -36,15 +36,8 @@ sphm_status sphm_fluid_look(sphm_backend *backend, const sphm_observer *observer
 sphm_status sphm_fluid_looked(sphm_backend *backend, int wait, int *finished, sphm_looked *looked,
                               sphm_context *context) {
     sphm_fluid_backend *b = (sphm_fluid_backend *)backend;
-    sphm_status status = SPHM_OK;
-    const sphm_look_home *home = b->look ? sphm_look_finish(b->look, wait, &status, context) : NULL;
-    *finished = home != NULL;
+    sphm_status status;
+    *finished = sphm_look_finish(b->look, wait, looked, &status, context) != NULL;
     b->failed = b->failed || status != SPHM_OK;
-    if (!home)
-        return status;
-    looked->shape = home->result->shape;
-    looked->sums = home->result->field_sums;
-    looked->fields = home->particles ? home->fields : NULL;
-    looked->place_m = home->particles ? home->place : NULL;
-    return SPHM_OK;
+    return status;
 }

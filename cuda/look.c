@@ -116,16 +116,21 @@ sphm_status sphm_look_begin(sphm_look *look, int particles, const double *extra,
     return status;
 }
 
-const sphm_look_home *sphm_look_finish(sphm_look *look, int wait, sphm_status *status,
+const sphm_look_home *sphm_look_finish(sphm_look *look, int wait, sphm_looked *looked, sphm_status *status,
                                        sphm_context *context) {
     int finished = 0;
     *status = SPHM_OK;
-    if (!look->under_way)
+    if (!look || !look->under_way)
         return NULL;
     *status = look->ops->marked(look->device, wait, &finished, context);
     if (*status != SPHM_OK || !finished)
         return NULL;
     look->under_way = 0;
     look->front = !look->front;
-    return &look->home[look->front];
+    const sphm_look_home *home = &look->home[look->front];
+    looked->shape = home->result->shape;
+    looked->sums = home->result->field_sums;
+    looked->fields = home->particles ? home->fields : NULL;
+    looked->place_m = home->particles ? home->place : NULL;
+    return home;
 }

@@ -46,9 +46,11 @@ void sphm_look_destroy(sphm_look *look); /* before the device is closed; NULL is
 sphm_look_particle *sphm_look_lines(const sphm_look *look);
 /* Everything after that launch. `extra`: device memory. */
 sphm_status sphm_look_begin(sphm_look *look, int particles, const double *extra, sphm_context *context);
-/* What has come home, when it has, or after waiting for it; NULL: not yet, nothing is under way, or, with a
- * status, the device has failed. Valid until the second sphm_look_begin() after it. */
-const sphm_look_home *sphm_look_finish(sphm_look *look, int wait, sphm_status *status, sphm_context *context);
+/* What has come home, when it has, or after waiting for it, and in `looked` what both tissues have of it;
+ * NULL: not yet, nothing is under way (`look` may be NULL), or, with a status, the device has failed. Valid
+ * until the second sphm_look_begin() after it. */
+const sphm_look_home *sphm_look_finish(sphm_look *look, int wait, sphm_looked *looked, sphm_status *status,
+                                       sphm_context *context);
 
 #ifdef __cplusplus
 }

@@ -39,16 +39,11 @@ sphm_status sphm_solid_look(sphm_backend *backend, const sphm_observer *observer
 sphm_status sphm_solid_looked(sphm_backend *backend, int wait, int *finished, sphm_looked *looked,
                               sphm_context *context) {
     sphm_solid_backend *b = (sphm_solid_backend *)backend;
-    sphm_status status = SPHM_OK;
-    const sphm_look_home *home = b->look ? sphm_look_finish(b->look, wait, &status, context) : NULL;
+    sphm_status status;
+    const sphm_look_home *home = sphm_look_finish(b->look, wait, looked, &status, context);
     *finished = home != NULL;
     b->failed = b->failed || status != SPHM_OK;
-    if (!home)
-        return status;
-    looked->shape = home->result->shape;
-    looked->sums = home->result->field_sums;
-    looked->fields = home->particles ? home->fields : NULL;
-    looked->place_m = home->particles ? home->place : NULL;
-    sphm_solid_add_parts(b, &b->looking, SPHM_END_INSERTION, home->extra, &looked->wrench);
-    return SPHM_OK;
+    if (home)
+        sphm_solid_add_parts(b, &b->looking, SPHM_END_INSERTION, home->extra, &looked->wrench);
+    return status;
 }
