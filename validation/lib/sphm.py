@@ -33,9 +33,11 @@ def _field(declaration):
     for declarator in rest.split(","):
         stars, name, sizes = re.match(r"\s*(\**)\s*(\w+)\s*((?:\[\w+\])*)\s*$", declarator).groups()
         this = kind
-        for size in reversed(re.findall(r"\[(\w+)\]", sizes)):
+        if stars:
+            this = ctypes.POINTER(this)
+        for size in reversed(re.findall(r"\[(\w+)\]", sizes)):  # "*b[3]" is three pointers
             this = this * _size(size)
-        yield name, ctypes.POINTER(this) if stars else this
+        yield name, this
 
 
 _ENUMS = {"SPHM_TEXT_SIZE": 1024}
