@@ -152,13 +152,21 @@ static sphm_status find_line(sphm_body *body, const sphm_parameters *parameters,
     return sphm_body_find_line_of_action(body, parameters, mesh ? NULL : ends, context);
 }
 
+/* The fluid sums over what is within h as a continuum would. The solid corrects its sums, and the nearer its
+ * neighbours the nearer to a surface its gradients belong: 32 neighbours (doc/solid.md). */
+static double smoothing_ratio(const sphm_parameters *parameters) {
+    if (parameters->smoothing_ratio > 0)
+        return parameters->smoothing_ratio;
+    return parameters->tissue == SPHM_TISSUE_SOLID ? 2.2 : 2.6;
+}
+
 /* h in the paper's units: the longest side of the bounding box is 2. */
 static void set_support(sphm_body *body, const sphm_parameters *parameters) {
     double longest = 0;
     for (int k = 0; k < 3; k++)
         longest = fmax(longest, body->upper_m[k] - body->lower_m[k]);
     body->support_radius_m = parameters->paper_units ? parameters->paper_h * 0.5 * longest
-                                                     : parameters->smoothing_ratio * body->spacing_m;
+                                                     : smoothing_ratio(parameters) * body->spacing_m;
 }
 
 /* Particles without a neighbour within h feel nothing of the others: a support that small is a mistake, but

@@ -26,12 +26,33 @@ void sphm_gradient_free(sphm_gradient *gradient) {
     memset(gradient, 0, sizeof *gradient);
 }
 
-/* -W'(R)/R of the cubic spline with support h, 1/m5. */
-static double spline_weight(double r, double h) {
-    const double q = r / h, scale = 8 / (3.14159265358979323846 * h * h * h * h * h);
-    if (q >= 1)
-        return 0;
-    return q < 0.5 ? scale * (12 - 18 * q) : scale * 6 * (1 - q) * (1 - q) / q;
+/* (1 - R/h)^4: steep, so that the gradient of a particle at a free surface is not that of a place far inside
+ * (doc/solid.md), and bounded, so that two particles that jitter brought together do not outweigh the rest.
+ */
+static double profile(double r, double h) {
+    const double q = 1 - r / h;
+    return q > 0 ? q * q * q * q : 0;
+}
+
+/* One third of the sum of R^2 (1 - R/h)^4 over the sites of an endless cubic lattice, m2: what w is divided
+ * by. */
+static double lattice_moment(double spacing, double h) {
+    const int reach = (int)(h / spacing);
+    double sum = 0;
+    for (int a = -reach; a <= reach; ++a)
+        for (int b = -reach; b <= reach; ++b)
+            for (int c = -reach; c <= reach; ++c) {
+                const double r2 = spacing * spacing * (a * a + b * b + c * c);
+                sum += r2 * profile(sqrt(r2), h) / 3;
+            }
+    return sum;
+}
+
+/* The factor of the profile, 1/m2. On a lattice without neighbours (paper_units) weights are those of the
+ * integral over space; only pairs that jitter brought together have any. */
+static double weight_scale(double radius, double volume) {
+    const double moment = lattice_moment(cbrt(volume), radius);
+    return moment > 0 ? 1 / moment : volume * 945 / (2 * 3.14159265358979323846 * pow(radius, 5));
 }
 
 /* Inverse of the symmetric matrix m (xx, xy, xz, yy, yz, zz); returns its determinant. */
@@ -70,14 +91,14 @@ static int correct(sphm_gradient *gradient, size_t slot, double m[6]) {
 
 /* Weights of a row and, from the weights as they were rounded, its correction. */
 static int build_row(sphm_gradient *gradient, const sphm_neighbours *rows, size_t slot, const sphm_real *x,
-                     const sphm_real *y, const sphm_real *z, double radius, double volume) {
+                     const sphm_real *y, const sphm_real *z, double radius, double scale) {
     double m[6] = {0, 0, 0, 0, 0, 0};
     for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
         const int32_t j = rows->slot[k];
         const double X = (double)x[j] - (double)x[slot], Y = (double)y[j] - (double)y[slot],
                      Z = (double)z[j] - (double)z[slot];
         const double r = sqrt(X * X + Y * Y + Z * Z);
-        const double w = r > 0 ? volume * spline_weight(r, radius) : 0;
+        const double w = r > 0 ? scale * profile(r, radius) : 0;
         sphm_real *pair = gradient->pair + 4 * k;
         pair[0] = (sphm_real)(w * X);
         pair[1] = (sphm_real)(w * Y);
@@ -192,11 +213,12 @@ static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows
 static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                        const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
                        int threads) {
+    const double scale = weight_scale(radius_m, volume_m3);
     size_t pairs = 0, isolated = 0, regularised = 0;
 #pragma omp parallel for schedule(static) num_threads(sphm_team_size(threads))                                               \
     reduction(+ : pairs, isolated, regularised) if (rows->count > SPHM_SERIAL_BELOW)
     for (size_t slot = 0; slot < rows->count; ++slot) {
-        const int what = build_row(gradient, rows, slot, x, y, z, radius_m, volume_m3);
+        const int what = build_row(gradient, rows, slot, x, y, z, radius_m, scale);
         pairs += (size_t)rows->row_count[slot];
         isolated += what == ISOLATED;
         regularised += what == REGULARISED;

@@ -86,6 +86,15 @@ static sphm_status check_colours(const sphm_parameters *p, sphm_context *context
                      p->surface_field_min, p->surface_field_max);
 }
 
+static sphm_status check_smoothing(const sphm_parameters *p, sphm_context *context) {
+    static const double least = 2;
+    if (p->smoothing_ratio == 0 || p->smoothing_ratio >= least)
+        return SPHM_OK;
+    return sphm_fail(context, SPHM_REFUSED_PARAMETER,
+                     "smoothing_ratio is %g; it must be 0 (what suits the tissue) or in %g ... 3",
+                     p->smoothing_ratio, least);
+}
+
 /* Shorter steps would not move a time of some hours any more, and a second would take for ever. */
 static sphm_status check_time_step(const sphm_parameters *p, sphm_context *context) {
     static const double shortest_s = 1e-9;
@@ -119,7 +128,7 @@ static sphm_status check_start_up(const sphm_parameters *p, sphm_context *contex
 sphm_status sphm_parameters_check(const sphm_parameters *parameters, sphm_context *context) {
     static sphm_status (*const rules[])(const sphm_parameters *, sphm_context *) = {
         check_ranges,  check_potentials, check_conduction, check_fibres,   check_line_of_action,
-        check_colours, check_time_step,  check_tendon,     check_start_up,
+        check_colours, check_time_step,  check_tendon,     check_start_up, check_smoothing,
     };
     if (!parameters)
         return sphm_fail(context, SPHM_REFUSED_ARGUMENT, "parameters are NULL");

@@ -1,7 +1,7 @@
 """Deformation gradients and section forces from a muscle's particles, computed apart from the library.
 
-The corrected gradient of total-Lagrangian SPH (cubic spline W of support h):
-  w_ij = -W'(R)/R,  B_i = (sum_j w X X^T)^-1,  F_i = 1 + [sum_j w (u_j - u_i) X^T] B_i,  X = X_j - X_i, R = |X|.
+The corrected gradient of total-Lagrangian SPH (weights of support h, whose scale B cancels):
+  w_ij = (1 - R/h)^4,  B_i = (sum_j w X X^T)^-1,  F_i = 1 + [sum_j w (u_j - u_i) X^T] B_i,  X = X_j - X_i, R = |X|.
 """
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,8 +15,7 @@ class Lattice:
         self.j = np.concatenate([pairs[:, 1], pairs[:, 0]])
         self.X = self.rest[self.j] - self.rest[self.i]
         R = np.linalg.norm(self.X, axis=1)
-        q = 2 * R / muscle.support
-        self.w = np.where(q < 1, 3 * q - 2.25 * q**2, 0.75 * (2 - q) ** 2) / R
+        self.w = (1 - R / muscle.support) ** 4
         M = self._sum(self.w[:, None, None] * self.X[:, :, None] * self.X[:, None, :])
         self.B = np.linalg.inv(M)
 
