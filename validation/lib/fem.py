@@ -89,9 +89,16 @@ def belly_mesh(size, from_x, to_x, quarter=True, half=False, elongation=1, **sha
     return mesh
 
 
-def box_mesh(length, width, thickness, size):
-    """A box centred on the x axis, x = 0 ... length."""
-    return _mesh(lambda occ: occ.addBox(-width / 2, -thickness / 2, 0, width, thickness, length), size)
+def box_mesh(length, width, thickness, size, block=0, half=False):
+    """A box centred on the x axis, x = 0 ... length, and a `block` that continues it, with faces of elements in between.
+    `half`: the part with y > 0."""
+    from_y, width = (0, width / 2) if half else (-width / 2, width)
+
+    def build(occ):
+        box = occ.addBox(from_y, -thickness / 2, 0, width, thickness, length)
+        if block:
+            occ.fragment([(3, box)], [(3, occ.addBox(from_y, -thickness / 2, length, width, thickness, block))])
+    return _mesh(build, size)
 
 
 def mesh_of(nodes, cells):
@@ -140,6 +147,8 @@ def _stress(u, law, alpha):
     slope = law.P1 * law.P2 * np.exp(law.P2 * (top - 1))
     passive = ufl.conditional(ufl.lt(r, 1), 0.0, ufl.conditional(ufl.lt(r, top), growth, end + slope * (r - top)))
     s = law.sigma_max * (alpha * active + passive) * r
+    if law.compressive:
+        s = s - law.compressive * ufl.conditional(ufl.lt(stretch, 1), 1 - stretch, 0.0)
     along = ufl.outer(a, f0) / I4
     if law.volume_free:
         return matrix, s * (along - ufl.inv(F).T / 3)
@@ -153,9 +162,11 @@ class NoSolution(Exception):
 class Body:
     """A body between two held faces, x = low and x = high; `shift` moves the upper face along x. `quarter`, `half`: what
     of it the mesh is, as in belly_mesh(). `held`: (low, high) where those faces are not the ends of the mesh; what lies
-    beyond is held too."""
+    beyond is held too. `block_from`: no upper face is held, and from this x on the body is a block of stiffness
+    `block_Pa`, as good as rigid (with a hundred times as much, rounding hides what is left of a residual)."""
 
-    def __init__(self, mesh, law=None, order=2, quarter=False, half=False, held=None, drag_Pa_per_m2=1e7):
+    def __init__(self, mesh, law=None, order=2, quarter=False, half=False, held=None, drag_Pa_per_m2=1e7, block_from=None,
+                 block_Pa=1e9):
         self.mesh, self.law, self.order = mesh, law or Material(), order
         self.planes = (1, 2) if quarter else (1,) if half else ()
         self.share = 2 ** len(self.planes)
@@ -171,6 +182,10 @@ class Body:
         dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 4 if order == 2 else 1})
         self.dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 5})
         matrix, fibres = _stress(self.u, self.law, self.alpha)
+        if block_from is not None:
+            F = ufl.Identity(3) + ufl.grad(self.u)
+            E = (F.T * F - ufl.Identity(3)) / 2
+            matrix += ufl.conditional(ufl.gt(ufl.SpatialCoordinate(mesh)[0], block_from), block_Pa, 0.0) * ufl.inner(E, E)
         inner_force = ufl.derivative(matrix * dx, self.u, v) + ufl.inner(fibres, ufl.grad(v)) * dx
         inner_force -= ufl.dot(self.body_force, v) * dx
         residual = inner_force + self.drag * ufl.dot(self.u - self.before, v) * dx
@@ -183,7 +198,8 @@ class Body:
         self.dofs_low = fem.locate_dofs_geometrical(V, lambda p: p[0] < self.low + near)
         self.dofs_high = fem.locate_dofs_geometrical(V, lambda p: p[0] > self.high - near)
         self.bcs = [fem.dirichletbc(np.zeros(3), self.dofs_low, V)]
-        self.bcs.append(fem.dirichletbc(self.shift, self.dofs_high, V))
+        if block_from is None:
+            self.bcs.append(fem.dirichletbc(self.shift, self.dofs_high, V))
         for d in self.planes:
             facets = dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda p: np.abs(p[d]) < 1e-9)
             dofs = fem.locate_dofs_topological(V.sub(d), 2, facets)
