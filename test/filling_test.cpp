@@ -121,6 +121,16 @@ TEST(Presets, BellyHasTheVolumeOfItsFormula) {
     }
 }
 
+TEST(Presets, TheSupportIsWhatSuitsTheTissue) {
+    sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_SOLID;
+    EXPECT_NEAR(Body(p).body.support_radius_m / Body(p).body.spacing_m, 2.2, 1e-9);
+    p.tissue = SPHM_TISSUE_FLUID;
+    EXPECT_NEAR(Body(p).body.support_radius_m / Body(p).body.spacing_m, 2.6, 1e-9);
+    p.smoothing_ratio = 3;
+    EXPECT_NEAR(Body(p).body.support_radius_m / Body(p).body.spacing_m, 3, 1e-9);
+}
+
 TEST(Presets, PaperUnitsGiveThePapersSupport) {
     sphm_parameters p = sphm_parameters_default();
     p.particles = 18475;

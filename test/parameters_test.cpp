@@ -192,6 +192,9 @@ TEST_F(Parameters, RulesBetweenParameters) {
     Set("time_step", "1e-300");
     CheckRefused("time_step is 1e-300 s; it must be 0 (automatic) or at least 1e-09 s");
     p = sphm_parameters_default();
+    Set("smoothing_ratio", "1.5");
+    CheckRefused("smoothing_ratio is 1.5; it must be 0 (what suits the tissue) or in 2 ... 3");
+    p = sphm_parameters_default();
     Set("origin", "[1, 2, 3]");
     Set("insertion", "[1, 2, 3]");
     CheckRefused("[1, 2, 3]");

@@ -34,7 +34,7 @@ std::vector<Vector> turned(std::vector<Vector> points) {
 }
 
 std::unique_ptr<Scene> scene_of(const std::vector<Vector> &points, bool columns, int threads = 1) {
-    return std::make_unique<Scene>(points, kSpacing, std::pow(kSpacing, 3), 2.6, threads, columns);
+    return std::make_unique<Scene>(points, kSpacing, std::pow(kSpacing, 3), 2.2, threads, columns);
 }
 
 // The same motion of every particle whatever its slot: large, uneven, active, viscous.

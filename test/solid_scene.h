@@ -76,7 +76,7 @@ struct Scene {
     sphm_solid_lines lines{};
     sphm_solid_field field{};
 
-    Scene(const std::vector<Vector> &points, double spacing_m, double volume_m3, double ratio = 2.6,
+    Scene(const std::vector<Vector> &points, double spacing_m, double volume_m3, double ratio = 2.2,
           int threads = 1, bool columns = true)
         : count(points.size()), spacing(spacing_m), volume(volume_m3), mass(1112 * volume_m3) {
         std::vector<sphm_real> p[3];

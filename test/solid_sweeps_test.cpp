@@ -34,13 +34,40 @@ class OnFilling : public testing::TestWithParam<Filling> {
     Scene scene{solid::block({0.045, 0.03, 0.021}, kSpacing, GetParam().jitter),
                 kSpacing,
                 kSpacing *kSpacing *kSpacing,
-                2.6,
+                2.2,
                 1,
                 GetParam().columns};
 };
 INSTANTIATE_TEST_SUITE_P(, OnFilling,
                          testing::Values(Filling{"lattice", 0, true}, Filling{"lattice in rows", 0, false},
                                          Filling{"jittered", 0.25, true}));
+
+TEST_P(OnFilling, WeightsHaveAUnitMomentInside) {
+    const double reach = 2.2 * kSpacing + 2 * 0.25 * kSpacing, size[3] = {0.045, 0.03, 0.021};
+    double sum = 0, worst = 0;
+    size_t inside = 0;
+    for (size_t slot = 0; slot < scene.count; ++slot) {
+        bool in = true;
+        for (int d = 0; d < 3; ++d)
+            in = in && std::fabs(double(scene.rest[d][slot])) < size[d] / 2 - reach;
+        if (!in)
+            continue;
+        double moment = 0;
+        for (size_t k = scene.rows.row_start[slot]; k < scene.rows.row_start[slot + 1]; ++k)
+            for (int d = 0; d < 3; ++d)
+                moment += double(scene.gradient.pair[4 * k + size_t(d)]) *
+                          (double(scene.rest[d][size_t(scene.rows.slot[k])]) - double(scene.rest[d][slot])) /
+                          3;
+        sum += moment;
+        worst = std::fmax(worst, std::fabs(moment - 1));
+        ++inside;
+    }
+    ASSERT_GT(inside, 30u);
+    if (GetParam().jitter == 0) {
+        EXPECT_LT(worst, 1e-5);
+    }
+    EXPECT_NEAR(sum / double(inside), 1, 0.05);
+}
 
 TEST_P(OnFilling, AffineMotionGivesItsGradientExactlyBoundaryIncluded) {
     const double A[9] = {1.2, 0.3, -0.1, -0.2, 0.7, 0.15, 0.05, -0.25, 1.4};

@@ -35,7 +35,7 @@ class RefusalTest(unittest.TestCase):
         self.check_refused({"particels": 500}, "particels", "particles")
 
     def test_out_of_range(self):
-        self.check_refused({"smoothing_ratio": 9.5}, "smoothing_ratio", "9.5", "2", "3")
+        self.check_refused({"smoothing_ratio": 9.5}, "smoothing_ratio", "9.5", "from 0 to 3")
 
     def test_zero_particles(self):
         self.check_refused({"particles": 0}, "particles", "0")
