@@ -27,8 +27,7 @@ void sphm_gradient_free(sphm_gradient *gradient) {
 }
 
 /* (1 - R/h)^4: steep, so that the gradient of a particle at a free surface is not that of a place far inside
- * (doc/solid.md), and bounded, so that two particles that jitter brought together do not outweigh the rest.
- */
+ * (doc/solid.md), and bounded, so that two particles that jitter brought together do not outweigh others. */
 static double profile(double r, double h) {
     const double q = 1 - r / h;
     return q > 0 ? q * q * q * q : 0;

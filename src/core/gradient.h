@@ -1,11 +1,14 @@
 /* Gradients on the rest shape: what the solid tissue needs to know of a particle's neighbours, fixed at
  * creation.
  *
- *     w_ij = c (1 - R/h)^4 >= 0         pair weight, 1/m2, symmetric; R = |X_ij|, X_ij = X_j - X_i, h =
- * radius_m; c such that sum_j w_ij X_ij X_ij^T = 1 inside a cubic lattice B_i  = (sum_j w_ij X_ij X_ij^T)^-1
- * first-order correction (Bonet and Lok 1999; Randles, Libersky 1996) grad phi_i = sum_j w_ij (phi_j - phi_i)
- * B_i X_ij
+ *     w_ij = c (1 - R/h)^4              pair weight, 1/m2, symmetric
  *
+ *     B_i  = (sum_j w_ij X_ij X_ij^T)^-1
+ *
+ *     grad phi_i = sum_j w_ij (phi_j - phi_i) B_i X_ij
+ *
+ * with X_ij = X_j - X_i, R = |X_ij| < h = radius_m, and c such that sum_j w_ij X_ij X_ij^T = 1 inside a cubic
+ * lattice. B is the first-order correction (Bonet and Lok 1999; Randles, Libersky 1996): the gradient
  * is exact for a linear phi at every particle that has four or more neighbours that do not lie in a plane,
  * boundary included, on any arrangement. */
 #ifndef SPHM_CORE_GRADIENT_H
