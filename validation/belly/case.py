@@ -181,7 +181,7 @@ def report_particles(r, rows, elements, alphas):
             "less (%).", ["particles", "activation", "origin", "insertion", "section 1", "2", "3",
                           "spread of the five (%)", "force (%)", "mean displacement (%)", "bulge (%)",
                           "mean pressure (Pa)", "mean J", "least stretch", "largest"], table)
-    r.table("held_planes", "Where the ends are held: half a layer behind the last held one.",
+    r.table("held_planes", "Where the ends are held: where the tissue is felt to be clamped, behind the last held layer.",
             ["particles", "spacing (mm)", "plane (mm)", "asked for (mm)"],
             [[x["count"], 1e3 * x["spacing"], 1e3 * x["plane"], 1e3 * PLANE] for x in rows if x["alpha"] == alphas[0]])
 
