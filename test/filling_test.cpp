@@ -230,9 +230,19 @@ std::set<double> layers(const sphm_body &b, const double direction[3], double at
     return found;
 }
 
-/* Of the solid tissue: a whole number of layers between the sections beyond which the attached share of the
- * volume lies, which lie half-way between two layers; cells near to cubes. */
-void expect_layers_beside_sections(const sphm_parameters &p, const sphm_surface *mesh, double flatness) {
+/* Layers lie as deep inside the sections as tissue feels its clamps behind them. */
+void expect_layers_inside(const sphm_body &b, const double along[3], double step, const double sections[2]) {
+    const double number = (sections[1] - sections[0]) / step - 2 * SPHM_CLAMP_DEPTH;
+    EXPECT_NEAR(number, std::round(number), 1e-6) << b.count;
+    for (double place : layers(b, along, sections[0])) {
+        const double inside = place - SPHM_CLAMP_DEPTH;
+        EXPECT_NEAR(inside, std::round(inside), 2e-3) << b.count;
+    }
+}
+
+/* Of the solid tissue: between sections beyond which the attached share of the volume lies; cells near to
+ * cubes. */
+void expect_layers_inside_sections(const sphm_parameters &p, const sphm_surface *mesh, double flatness) {
     Body made(p, mesh);
     ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
     const sphm_body &b = made.body;
@@ -245,30 +255,27 @@ void expect_layers_beside_sections(const sphm_parameters &p, const sphm_surface 
     EXPECT_NEAR((double)b.count, (double)p.particles, 0.01 * (double)p.particles);
     const sphm_cut_body whole = {&b.surface, nullptr, 0, 0};
     sphm_end_sections(&whole, along, p.attachment_fraction, sections);
-    const double number = (sections[1] - sections[0]) / step;
-    EXPECT_NEAR(number, std::round(number), 1e-9);
-    for (double place : layers(b, along, sections[0]))
-        EXPECT_NEAR(std::fabs(place - std::round(place)), 0.5, 2e-3);
+    expect_layers_inside(b, along, step, sections);
 }
 
-TEST(Filling, OfTheSolidHasWholeLayersBetweenTheClamps) {
+TEST(Filling, OfTheSolidHasItsLayersWhereClampsWantThem) {
     sphm_parameters p = sphm_parameters_default();
     p.tissue = SPHM_TISSUE_SOLID;
     p.preset = SPHM_PRESET_BELLY;
     for (int64_t count : {500, 2231, 4944, 18475}) {
         p.particles = count;
-        expect_layers_beside_sections(p, nullptr, count < 1000 ? 0.03 : 0.015);
+        expect_layers_inside_sections(p, nullptr, count < 1000 ? 0.03 : 0.015);
     }
     p.preset = SPHM_PRESET_TRICEPS_LONG_HEAD;
     p.attachment_fraction = 0.2;
     p.particles = 2231;
-    expect_layers_beside_sections(p, nullptr, 0.02);
+    expect_layers_inside_sections(p, nullptr, 0.02);
     shapes::Surface sphere = shapes::sphere(0.03, 3);
     for (size_t v = 0; v < sphere.surface.vertex_count; v++) /* along a direction that is no axis */
         for (size_t k = 0; k < 3; k++)
             sphere.surface.vertices[3 * v + k] += (k ? 0.8 : 0.6) * sphere.surface.vertices[3 * v];
     p.attachment_fraction = 0.1;
-    expect_layers_beside_sections(p, &sphere.surface, 0.03);
+    expect_layers_inside_sections(p, &sphere.surface, 0.03);
 }
 
 /* A surface without lids says no volume; what it is filled with first, with cubes, does, and is cut in its
@@ -296,10 +303,7 @@ TEST(Filling, OfTheSolidMeetsSectionsOfAMeshWithHoles) {
         const sphm_cut_body filled = {nullptr, first.positions, first.count, first.spacing_m};
         double sections[2];
         sphm_end_sections(&filled, along, p.attachment_fraction, sections);
-        const double number = (sections[1] - sections[0]) / step;
-        EXPECT_NEAR(number, std::round(number), 1e-6) << count;
-        for (double place : layers(b, along, sections[0]))
-            EXPECT_NEAR(std::fabs(place - std::round(place)), 0.5, 2e-3) << count;
+        expect_layers_inside(b, along, step, sections);
     }
 }
 

@@ -9,6 +9,10 @@
 extern "C" {
 #endif
 
+/* How far behind the last layer that is held the solid tissue feels its clamp, in layers (doc/solid.md,
+ * "Where an end is held"). */
+#define SPHM_CLAMP_DEPTH 0.4
+
 /* A triangle surface. Whoever fills the struct owns it and frees it with sphm_surface_free(). */
 typedef struct sphm_surface {
     size_t vertex_count, triangle_count;
@@ -52,9 +56,8 @@ typedef struct sphm_body {
     double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
     /* Of the solid tissue: the sections across the line of action beyond which attachment_fraction of the
      * volume lies, [0] at the origin and [1] at the insertion; x . axis, m. The tissue behaves as if clamped
-     * in them, though one layer more is held: gradients reach half a layer behind the last one. A bar's
-     * layers do not follow them: it is clamped up to half a layer beside them. Both 0 where nothing is
-     * attached, and of the fluid. */
+     * in them, though it is held up to SPHM_CLAMP_DEPTH layers inside. A bar's layers do not follow them: it
+     * is clamped up to half a layer beside them. Both 0 where nothing is attached, and of the fluid. */
     double clamp_m[2];
     double lower_m[3], upper_m[3];
     double *positions;      /* [3 * count], m */

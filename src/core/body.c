@@ -56,8 +56,8 @@ static sphm_status take_surface(sphm_body *body, const sphm_parameters *paramete
     return SPHM_OK;
 }
 
-/* Where the solid tissue's ends are held, along the lattice's first direction: layers then lie half-way
- * beside the clamps (attachments: line_of_action.c). A mesh with holes is filled once more to find these
+/* Where the solid tissue's ends are held, along the lattice's first direction: layers then lie as the clamps
+ * want it (attachments: line_of_action.c). A mesh with holes is filled once more to find these
  * sections. */
 static sphm_status find_sections(const sphm_body *body, const sphm_parameters *parameters,
                                  sphm_filling_task *task, sphm_context *context) {

@@ -57,11 +57,23 @@ static void frame_box(const sphm_filling_task *task, double middle[3], double ex
     }
 }
 
-/* Layers lie half-way beside the sections, not where the offset says. `layers` 0: a cubic lattice. */
+/* How many steps lie between the sections where this many layers do, the outermost SPHM_CLAMP_DEPTH inside.
+ */
+static double steps_between(int64_t layers) {
+    return (double)layers - 1 + 2 * SPHM_CLAMP_DEPTH;
+}
+
+static double section_distance(const sphm_filling_task *task) {
+    return task->sections_m[1] - task->sections_m[0];
+}
+
+/* Layers lie where the sections say, not where the offset does. */
 static double first_offset(const sphm_filling_task *task, double middle, double spacing) {
-    double places = (task->sections_m[0] - middle) / spacing + 0.5;
+    double places = (task->sections_m[0] - middle) / spacing + SPHM_CLAMP_DEPTH;
     return places - floor(places);
 }
+
+/* `layers` between the sections, 0: a cubic lattice. */
 
 static sphm_status lattice_place(const sphm_filling_task *task, int64_t layers, double spacing,
                                  const double offset[3], lattice *l, sphm_context *context) {
@@ -69,8 +81,7 @@ static sphm_status lattice_place(const sphm_filling_task *task, int64_t layers, 
     memset(l, 0, sizeof *l);
     frame_box(task, middle, extent);
     for (int k = 0; k < 3; k++) {
-        l->spacing[k] =
-            k == 0 && layers ? (task->sections_m[1] - task->sections_m[0]) / (double)layers : spacing;
+        l->spacing[k] = k == 0 && layers ? section_distance(task) / steps_between(layers) : spacing;
         product *= extent[k] / l->spacing[k] + 5;
     }
     if (!(product < (double)MOST_SITES))
@@ -244,7 +255,7 @@ static double misfit(const lattice *l, int64_t particles) {
 /* The spacing at which cells of the tissue's volume are as many as asked for. */
 static double first_guess(const sphm_filling_task *task, int64_t layers) {
     double cell = task->volume_m3 / (double)task->particles;
-    return layers ? sqrt(cell / (task->sections_m[1] - task->sections_m[0]) * (double)layers) : cbrt(cell);
+    return layers ? sqrt(cell / section_distance(task) * steps_between(layers)) : cbrt(cell);
 }
 
 /* Improves `best` by fillings with one offset: the count goes like spacing^-3 (^-2 between sections), so the
@@ -325,10 +336,10 @@ static sphm_status search_offsets(const sphm_filling_task *task, int64_t layers,
  * those beside it. */
 static sphm_status search_layers(const sphm_filling_task *task, lattice *best, sphm_context *context) {
     static const int64_t beside[] = {0, 1, -1, 2};
-    double distance = task->sections_m[1] - task->sections_m[0];
-    if (!(distance > 0))
+    if (!(section_distance(task) > 0))
         return search_offsets(task, 0, best, context);
-    int64_t nearest = (int64_t)(distance / cbrt(task->volume_m3 / (double)task->particles) + 0.5);
+    double cubes = section_distance(task) / cbrt(task->volume_m3 / (double)task->particles);
+    int64_t nearest = (int64_t)(cubes + 1 - 2 * SPHM_CLAMP_DEPTH + 0.5);
     sphm_status status = SPHM_OK;
     for (size_t k = 0; k < sizeof beside / sizeof beside[0] && status == SPHM_OK && !is_met(best, task); k++)
         if (nearest + beside[k] > 0)

@@ -3,6 +3,7 @@
 #define SPHM_CORE_FILLING_H
 
 #include "core/winding.h"
+#include "sph_muscle/geometry.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -17,9 +18,8 @@ typedef struct sphm_filling_task {
     const sphm_winding *winding;
     double volume_m3;
     double frame[3][3];
-    /* Places along frame[0], m, that layers of the lattice lie half-way beside, a whole number of them in
-     * between; cells are then a little longer or shorter in this direction. Equal: a cubic lattice anywhere.
-     */
+    /* Places along frame[0], m. A layer of the lattice lies SPHM_CLAMP_DEPTH layers inside each of them;
+     * cells are then a little longer or shorter in this direction. Equal: a cubic lattice anywhere. */
     double sections_m[2];
     int64_t particles; /* asked for */
     int64_t threads;   /* 0: all; no influence on the result */

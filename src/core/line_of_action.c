@@ -164,17 +164,18 @@ static void attach_by_share(sphm_body *body, double share) {
 }
 
 /* The solid is held as if clamped in the sections beyond which the share lies. Its gradients average over the
- * support: tissue beside layers that are held up to x deforms as if it were held half a layer behind x. So
- * the last held layer is the one nearest to half a layer inside the free part, and every particle up to a
- * whole layer inside is held; a little less, so that a section that halves a layer is met alike at both ends.
- * Particles in no layers (jitter, a tilted line) are then held half a layer inside on average, too. */
+ * support: tissue beside layers that are held up to x deforms as if it were held SPHM_CLAMP_DEPTH behind x.
+ * So the last held layer is the one nearest to that place inside the free part, and every particle up to half
+ * a layer further is held; a little less, so that a section that leaves two layers equally near is met alike
+ * at both ends. Particles in no layers (jitter, a tilted line) are then held as far inside on average, too.
+ */
 static sphm_status attach_up_to_sections(sphm_body *body, double share, const ranked *order,
                                          sphm_context *context) {
     const sphm_cut_body surface = {&body->surface, NULL, 0, 0},
                         filled = {NULL, body->positions, body->count, body->layer_m};
     sphm_end_sections(body->report.open_edges > 0 ? &filled : &surface, body->axis, share, body->clamp_m);
     size_t last = body->count - 1, loose = 0;
-    double inside = (1 - 1e-3) * body->layer_m, level = 1e-6 * body->spacing_m,
+    double inside = (SPHM_CLAMP_DEPTH + 0.5 - 1e-3) * body->layer_m, level = 1e-6 * body->spacing_m,
            lower = fmax(body->clamp_m[0] + inside, order[0].along + level),
            upper = fmin(body->clamp_m[1] - inside, order[last].along - level);
     for (size_t r = 0; r < body->count; r++) {

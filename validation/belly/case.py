@@ -20,6 +20,7 @@ COUNTS = (2231, 4944, 9888, 18475)
 # Edges of tetrahedra across the fibres (m), and along them over those across.
 MESHES = ((0.008, 1), (0.0055, 1), (0.004, 8), (0.003, 8), (0.002, 8), (0.0015, 8))
 MESHES_QUICK = ((0.004, 8),)
+HALVED = (2231, 18475, 147800)
 MESHES_TRUE_STRETCH = ((0.004, 8), (0.002, 8))
 ALPHAS_TRUE_STRETCH = (0.1, 0.3, 0.5, 1.0)
 SECTIONS = (-0.025, 0.0, 0.025)  # m, between two layers near these
@@ -147,6 +148,8 @@ def run(r):
     report_particles(r, particles, elements, alphas)
     judge(r, particles, elements, alphas)
     figure(r, particles, elements, alphas)
+    if not r.quick:
+        halving(r)
     full_activation(r)
 
 
@@ -181,7 +184,7 @@ def report_particles(r, rows, elements, alphas):
             "less (%).", ["particles", "activation", "origin", "insertion", "section 1", "2", "3",
                           "spread of the five (%)", "force (%)", "mean displacement (%)", "bulge (%)",
                           "mean pressure (Pa)", "mean J", "least stretch", "largest"], table)
-    r.table("held_planes", "Where the ends are held: half a layer behind the last held one.",
+    r.table("held_planes", "Where the ends are held: where the tissue is felt to be clamped, behind the last held layer.",
             ["particles", "spacing (mm)", "plane (mm)", "asked for (mm)"],
             [[x["count"], 1e3 * x["spacing"], 1e3 * x["plane"], 1e3 * PLANE] for x in rows if x["alpha"] == alphas[0]])
 
@@ -205,6 +208,27 @@ def judge(r, rows, elements, alphas):
                     percent(coarse["force"], fine["force"]), below=2)
             r.check(f"activation {a}: middle section when the spacing halves",
                     percent(coarse["sections"][1], fine["sections"][1]), below=2)
+
+
+def halving(r):
+    """The forces as the spacing halves, twice, with the constants that users get: the law on the true stretch, and fibres that
+    resist compression."""
+    stiffness = sphm.library().sphm_parameters_default().passive_compressive_stiffness
+    law = Material(compressive=stiffness)
+    counts = [particle_rows(r, n, law, passive_compressive_stiffness=stiffness) for n in HALVED]
+    changes = []
+    for coarse, fine in zip(counts, counts[1:]):
+        for x, y in zip(coarse, fine):
+            force, section = percent(x["force"], y["force"]), percent(x["sections"][1], y["sections"][1])
+            changes.append([x["count"], y["count"], x["alpha"], x["force"], y["force"], force, x["sections"][1], y["sections"][1],
+                            section, balance(y)])
+            if fine is counts[-1]:
+                for what, change in (("end force", force), ("middle section", section)):
+                    r.check(f"default constants, activation {x['alpha']}: {what} when the spacing halves ({x['count']} to "
+                            f"{y['count']} particles)", change, below=2)
+    r.table("halving", "Forces (N) as the spacing halves, default constants.",
+            ["particles", "twice as fine", "activation", "end force", "finer", "change (%)", "middle section", "finer", "change (%)",
+             "finer: spread of ends and sections (%)"], changes)
 
 
 def figure(r, rows, elements, alphas):

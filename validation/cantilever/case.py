@@ -109,7 +109,7 @@ def run(r):
     plot(r, [1e3 * s for s, *_ in rows], errors, excess)
     E, G = moduli()
     r.note(f"Young's modulus along the fibres {E:.3g} Pa and shear modulus along them {G:.3g} Pa, from the material. "
-           "Elements and beam begin half a layer behind the last held one, where the library clamps the tissue, and end in a "
+           "Elements and beam begin some way behind the last held layer, where the library clamps the tissue, and end in a "
            "stiff block with the weight of what lies beyond.")
     r.note(f"The beam bends {min(excess):.2g} to {max(excess):.2g} % more than the elements, for a bar this stubby has ends that "
            "a beam has not. Tissue that is stretched along the fibres narrows by half of that in either direction; where the "

@@ -83,6 +83,7 @@ class Parameters(ctypes.Structure):
 Parameters._fields_ = Parameters.fields()
 for header in ("types.h", "geometry.h", "muscle.h"):
     _read_structs(INCLUDE / header)
+CLAMP_DEPTH = float(re.search(r"#define SPHM_CLAMP_DEPTH (\S+)", (INCLUDE / "geometry.h").read_text())[1])  # layers
 
 _LOG = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
 
@@ -249,9 +250,9 @@ class Muscle:
         return -self.wrench(INSERTION)["force_N"][0]
 
     def clamps(self):
-        """Where the tissue of a solid along x behaves as if it were clamped: half a layer behind the last held ones."""
-        x = self.rest[:, 0]
-        return x[self.attachment == 1].max() - self.layer / 2, x[self.attachment == 2].min() + self.layer / 2
+        """Where the tissue of a solid along x behaves as if it were clamped: some way behind the last held layers."""
+        x, depth = self.rest[:, 0], CLAMP_DEPTH * self.layer
+        return x[self.attachment == 1].max() - depth, x[self.attachment == 2].min() + depth
 
     def particles(self):
         p = _STRUCTS["sphm_particles"]()
