@@ -182,25 +182,30 @@ measure() {
     tell "$(printf '%-7s %-9s %10s %6s %12s %14s %10s %12s' "$tissue" "$where" "${row[4]}" "$(shown %.1f "${row[5]}")" "$(shown %.6g "${row[6]}")" "$(shown %.4g "${row[7]}")" "$(shown %.4g "${row[8]}")" "$(shown %.6g "${row[10]}")")"
 }
 declare -A measured # what the benchmark printed, by variant, tissue and particles
-support=(--set smoothing_ratio=2.4) paper=(--set paper_units=true --set paper_h=0.04)
+# The fluid's support is that of its targets: the paper's at the paper's largest muscle, else 2.4 spacings. The solid has
+# the library's default: no option.
+paper=(--set paper_units=true --set paper_h=0.04)
+fluid_support() { # PARTICLES: leaves the options in `support`
+    support=(--set smoothing_ratio=2.4)
+    (($1 != 18475)) || support=("${paper[@]}")
+}
 # The muscle is made anew for each repetition, which for the largest ones takes longer than the steps: once.
 measure_both() { # PARTICLES STEPS
-    local repeat=$(($1 < 1000000 ? 3 : 1))
-    local of_fluid=("${support[@]}")
-    (($1 == 18475)) && of_fluid=("${paper[@]}")
-    measure graph fluid cuda "$1" "$2" --batch $(($1 < 1000000 ? 160 : 32)) --repeat $repeat "${of_fluid[@]}"
-    measure graph solid cuda "$1" "$2" --batch $(($1 < 1000000 ? 320 : 32)) --repeat $repeat "${support[@]}"
+    local repeat=$(($1 < 1000000 ? 3 : 1)) support
+    fluid_support "$1"
+    measure graph fluid cuda "$1" "$2" --batch $(($1 < 1000000 ? 160 : 32)) --repeat $repeat "${support[@]}"
+    measure graph solid cuda "$1" "$2" --batch $(($1 < 1000000 ? 320 : 32)) --repeat $repeat
 }
 
 tell "" "$heading"
 if ((there)); then
     for particles in 2231 4944 9888 18475; do
         measure_both $particles 6400
-        measure persistent solid cuda $particles 6400 --batch 320 --repeat 3 "${support[@]}"
+        measure persistent solid cuda $particles 6400 --batch 320 --repeat 3
     done
 fi
 # The CPU beside it, all cores, fewer steps.
-measure cpu solid cpu 18475 200 --repeat 3 "${support[@]}"
+measure cpu solid cpu 18475 200 --repeat 3
 measure cpu fluid cpu 18475 200 --repeat 3 "${paper[@]}"
 
 # Ceilings, and where a step's time goes: its launches one by one, each waited for, which a graph does not do.
@@ -247,9 +252,9 @@ if ((there)); then
         tell "  a launch in a graph $(value graph_node_us "$found") us, of blocks that fill the device $(value full_graph_node_us "$found") us; one that is waited for, as all below, $(value launch_alone_us "$found") us; a barrier of the whole grid $(value grid_barrier_us "$found") us"
         for particles in 18475 1000000; do
             for tissue in solid fluid; do
-                of=("${support[@]}")
-                [[ $particles == 18475 && $tissue == fluid ]] && of=("${paper[@]}")
-                measure launches $tissue cuda $particles 320 --batch 320 --repeat 1 --warm-up 32 "${of[@]}"
+                support=()
+                [[ $tissue == solid ]] || fluid_support $particles
+                measure launches $tissue cuda $particles 320 --batch 320 --repeat 1 --warm-up 32 "${support[@]}"
                 [[ -z $line ]] || stages $tissue
             done
         done

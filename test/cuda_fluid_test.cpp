@@ -118,7 +118,10 @@ TEST(EmulatedFluid, FollowsTheCpuUnderEveryCommand) {
                {"laplacian", "brookshaw"}}),
         fluid({{"coupling", "pressure"}, {"laplacian", "paper"}, {"shape_matching_floor", "0.001"}}),
         fluid({{"coupling", "pressure"}, {"pair_matching", "0"}, {"cell_size", "0.006"}}),
-        fluid({{"fibres", "pennate"}, {"pennation_angle", "15"}, {"xsph_time", "0.001"}}),
+        fluid({{"fibres", "pennate"},
+               {"pennation_angle", "15"},
+               {"tension_slope", "1"},
+               {"xsph_time", "0.001"}}),
     };
     for (const Muscle::Settings &settings : all) {
         SCOPED_TRACE(settings.back().first);

@@ -146,6 +146,65 @@ TEST(Fluid, ElectricalPressureIsAddedWhereTheCouplingSaysSo) {
     }
 }
 
+// What one half of a muscle pulls the other with, shortened by a tenth.
+TEST(Fluid, ShortenedTissuePullsLess) {
+    for (const char *fibres : {"parallel", "pennate"}) {
+        std::vector<double> ends;
+        for (const char *slope : {"0", "1"}) {
+            Sweeps s(Muscle::Settings{{"fibres", fibres},
+                                      {"pennation_angle", "10"},
+                                      {"tension_slope", slope},
+                                      {"fibre_tension", "1e6"},
+                                      {"pair_matching", "0"},
+                                      {"viscosity", "0"},
+                                      {"stiffness", "0.001"}},
+                     false);
+            sphm_state &t = s.b->state;
+            for (size_t i = 0; i < t.count; ++i) {
+                t.x[i] *= sphm_real(0.9);
+                t.vx[i] = t.vy[i] = t.vz[i] = 0;
+                t.activation[i] = 1;
+            }
+            s.run(1e-4);
+            double pull = 0;
+            for (size_t i = 0; i < t.count; ++i)
+                pull -= t.x[i] > 0 ? double(t.ax[i]) : 0;
+            ends.push_back(pull);
+        }
+        EXPECT_GT(ends[0], 0);
+        EXPECT_NEAR(ends[1] / ends[0], 1 - 0.1 * SPHM_TENSION_MODULUS, 0.02) << fibres;
+    }
+}
+
+double nearest_over_spacing(const Muscle &m) {
+    const sphm_state &s = m.state();
+    double least = 1;
+    for (size_t i = 0; i < s.count; ++i)
+        for (size_t j = 0; j < i; ++j)
+            least = std::min(
+                least, std::hypot(double(s.x[i] - s.x[j]), double(s.y[i] - s.y[j]), double(s.z[i] - s.z[j])));
+    return least / m.handle->model.body.spacing_m;
+}
+
+// doc/fluid.md: beyond some three times the stiffness of the pairs a tension that does not fall makes
+// particles clump.
+TEST(Fluid, ATensionThatFallsWithShorteningKeepsParticlesApart) {
+    std::vector<double> nearest;
+    for (const char *slope : {"0", "1"}) {
+        Muscle m(Muscle::Settings{{"preset", "triceps_long_head"},
+                                  {"particles", "1000"},
+                                  {"fibre_tension", "25000"},
+                                  {"pair_matching", "4000"},
+                                  {"tension_slope", slope}});
+        ASSERT_EQ(m.status, SPHM_OK) << m.context.message;
+        m.stimulate(8000);
+        m.advance(0.1);
+        nearest.push_back(nearest_over_spacing(m));
+    }
+    EXPECT_LT(nearest[0], 0.1);
+    EXPECT_GT(nearest[1], 0.4);
+}
+
 TEST(Fluid, CoincidingParticlesStayFinite) {
     Sweeps s(Muscle::Settings{}, false);
     sphm_state &t = s.b->state;

@@ -83,7 +83,7 @@ TEST(Kernels, FibrePullsAddUpToTensionAlongTheFibreOnly) {
     for (int i = 0; i < rays; ++i) {
         double n[3] = {normal(random), normal(random), normal(random)};
         const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-        const double pull = static_cast<double>(sphm_fibre_pull(static_cast<sphm_real>(n[0] / length)));
+        const double pull = static_cast<double>(sphm_fibre_pull(static_cast<sphm_real>(n[0] / length), 1, 1));
         along += pull * n[0] * n[0] / (length * length) / rays;
         across += pull * n[1] * n[1] / (length * length) / rays;
     }
@@ -94,6 +94,27 @@ TEST(Kernels, FibrePullsAddUpToTensionAlongTheFibreOnly) {
     const double strength = 2 * sphm_spiky_factor(h) * SPHM_TENSION_STIFFNESS; // T_i + T_j = 2
     EXPECT_NEAR(0.5 * strength * radial * along, 1, 0.01);
     EXPECT_NEAR(0.5 * strength * radial * across, 0, 0.01);
+}
+
+// Half as long, fibres pull half as strongly with a slope of 1; what pushes across stays.
+TEST(Kernels, TheSlopeWeakensPullsAlongShortenedFibresOnly) {
+    EXPECT_FLOAT_EQ(float(sphm_fibre_pull(1, 0, sphm_real(0.5))), 4);
+    EXPECT_FLOAT_EQ(float(sphm_fibre_pull(1, 1, sphm_real(0.5))), 1.5);
+    EXPECT_FLOAT_EQ(float(sphm_fibre_pull(0, 1, sphm_real(0.5))), -1);
+}
+
+// Second moment of the pulls' change along the fibre, with the weights of the test above.
+TEST(Kernels, TheSlopeAddsItsModulusAlongTheFibre) {
+    double modulus = 0;
+    const int slices = 2000;
+    for (int i = 0; i < slices; ++i) {
+        const double c = (i + 0.5) / slices;   // even in the cosine
+        const auto pull = [c](double strain) { // of a pair in tissue stretched along the fibre
+            return double(sphm_fibre_pull(sphm_real(c), 1, sphm_real(1 + strain * c * c)));
+        };
+        modulus += 1.5 * (pull(0.1) - pull(0)) / 0.1 * c * c / slices;
+    }
+    EXPECT_NEAR(modulus, SPHM_TENSION_MODULUS, 1e-4);
 }
 
 TEST(Kernels, PairStiffnessGivesTheShearModulus) {

@@ -15,9 +15,11 @@ sphm_time_step_limits sphm_fluid_limits(const sphm_model *model, double speed_m_
                                         double rest_density_min) {
     const sphm_fluid_constants *c = &model->fluid;
     const double h = (double)c->support_radius_m;
-    /* Sound: pressure, and the longitudinal waves of the pair clusters with modulus 3 G. */
-    const double sound =
-        sqrt((double)c->stiffness_m2_per_s2 + 3 * (double)c->pair_matching_Pa / (double)c->density_kg_per_m3);
+    /* Sound: pressure, the longitudinal waves of the pair clusters with modulus 3 G, and what fibres at full
+     * activation add to it where their tension grows with their length. */
+    const double elastic_Pa = 3 * (double)c->pair_matching_Pa +
+                              SPHM_TENSION_MODULUS * (double)c->tension_slope * (double)c->fibre_tension_Pa;
+    const double sound = sqrt((double)c->stiffness_m2_per_s2 + elastic_Pa / (double)c->density_kg_per_m3);
     sphm_time_step_limits l;
     l.courant = speed_m_per_s > 0 ? SPHM_FLUID_COURANT * model->body.spacing_m / speed_m_per_s : INFINITY;
     l.acoustic = 0.4 * h / sound;

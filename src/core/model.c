@@ -44,6 +44,7 @@ static sphm_fluid_constants fluid_constants(const sphm_model *model) {
         c.electrical_Pa_per_mV = (sphm_real)p->electrical_pressure;
     else
         c.fibre_tension_Pa = (sphm_real)p->fibre_tension;
+    c.tension_slope = (sphm_real)p->tension_slope;
     c.viscosity_Pa_s = (sphm_real)p->viscosity;
     c.xsph_time_s = (sphm_real)p->xsph_time;
     c.fibre_steering = (sphm_real)p->fibre_steering;

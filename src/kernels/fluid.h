@@ -13,6 +13,7 @@ typedef struct sphm_fluid_constants {
     sphm_real electrical_Pa_per_mV;     /* kappa */
     sphm_real resting_mV;               /* Vr */
     sphm_real fibre_tension_Pa;         /* T at full activation */
+    sphm_real tension_slope;            /* of T over the stretch of a pair */
     sphm_real viscosity_Pa_s;           /* mu */
     sphm_real xsph_time_s;              /* tau */
     sphm_real fibre_steering;           /* beta */
@@ -63,8 +64,16 @@ SPHM_FN double sphm_shape_matching_coefficient(const sphm_fluid_constants *c, do
  * tight string: the matrix between the fibres is compressed and a long belly buckles. Both were tried. */
 #define SPHM_TENSION_STIFFNESS 0.25
 
-SPHM_FN sphm_real sphm_fibre_pull(sphm_real cosine) {
-    return 5 * cosine * cosine - 1;
+/* With a slope s the part along the fibres follows the pair's stretch, 5 c2 (1 + s (|x|/r - 1)) - 1, as the
+ * force of real fibres below their optimum does: springs between the pairs whose longitudinal modulus is
+ * 3/2 T 5 s <c6> = 15/14 s T. Without it nothing but pair matching ends the shortening of fibres that end at
+ * the surface, and above some T/G of 3 their particles fall together. With s > 1 they push when shorter than
+ * 1 - 1/s, which keeps them apart in fine fillings too. The -1 does not follow: that would have given the
+ * energy T/2 |F f|2, but pairs across the fibres lost stiffness and fell together (tried). */
+#define SPHM_TENSION_MODULUS (15.0 / 14)
+
+SPHM_FN sphm_real sphm_fibre_pull(sphm_real cosine, sphm_real slope, sphm_real stretch) {
+    return 5 * cosine * cosine * (1 + slope * (stretch - 1)) - 1;
 }
 
 /* Fibre steering: v <- |v| normalise(v/|v| + beta sign(v.f) f). Turns a velocity towards the fibre's line,

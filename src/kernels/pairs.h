@@ -8,7 +8,7 @@
 
 /* Factors of the forces that do not depend on the particle. */
 typedef struct sphm_force_factors {
-    sphm_real pressure, viscosity, tension, pair;
+    sphm_real pressure, viscosity, tension, slope, pair;
 } sphm_force_factors;
 
 /* What of a particle its own force needs. */
@@ -33,6 +33,7 @@ SPHM_FN sphm_force_factors sphm_force_factors_of(const sphm_fluid_constants *c) 
     f.pressure = (sphm_real)(m * sphm_spiky_factor(h));
     f.viscosity = (sphm_real)((double)c->viscosity_Pa_s * m * sphm_viscosity_factor(h));
     f.tension = (sphm_real)((double)f.pressure * SPHM_TENSION_STIFFNESS);
+    f.slope = c->tension_slope;
     f.pair = (sphm_real)((double)c->pair_matching_Pa * SPHM_PAIR_STIFFNESS * volume * volume /
                          (m * h * h * h * h));
     return f;

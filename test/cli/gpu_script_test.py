@@ -108,6 +108,17 @@ class GpuScript(unittest.TestCase):
             line = next(line for line in summary.splitlines() if what in line)
             self.assertEqual(line.split(what)[1].split(), [asked, "asked,", best, said])
 
+    def test_takes_the_support_that_each_figure_is_asked_for_at(self):
+        _, rows, _ = self.run_script()
+        for row in rows:
+            of = row["command"].split(" --set ")[1:]
+            if row["tissue"] == "solid":  # the library's default
+                self.assertEqual(of, [], row["command"])
+            elif row["particles"] == "18475":
+                self.assertEqual([one.split(" --")[0] for one in of], ["paper_units=true", "paper_h=0.04"])
+            else:
+                self.assertEqual(of, ["smoothing_ratio=2.4"])
+
     def test_reckons_stages_and_figure_13(self):
         _, _, summary = self.run_script("--most", "20000")
         # 18475 particles, 184 us: 72 * 60 + 160 bytes a particle asked for in move.

@@ -295,7 +295,10 @@ class Run(Case):
         self.assertTrue(os.path.exists(self.path("s")), "the snapshot asked for")
 
     def test_progress_on_a_terminal(self):
-        master, slave = pty.openpty()
+        try:
+            master, slave = pty.openpty()
+        except OSError as error:  # a root without /dev/pts
+            self.skipTest(str(error))
         done = subprocess.run([RUN, *SMALL, "--duration", "0.03", "--every", "0.01", "--out", self.path("out")],
                               stderr=slave, stdout=subprocess.PIPE, timeout=120)
         os.close(slave)
