@@ -1,9 +1,16 @@
 """Surfaces of real muscles, which are not closed, as tetrahedra: cells of a body-centred lattice cut at the 0.5 level of the
-generalized winding number (after Labelle and Shewchuk, Isosurface stuffing, 2007)."""
+generalized winding number (after Labelle and Shewchuk, Isosurface stuffing, 2007), between two sections across x."""
 import ctypes
+import hashlib
 
 import numpy as np
-from sphm import _STRUCTS, Context, library
+from scipy.optimize import minimize
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from sphm import Context, Muscle, library
+
+NEAR = 0.3  # a point of the lattice nearer to a cut than this share of the edge moves onto it, so that no sliver is cut off
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # of a tetrahedron of positive volume, seen counter-clockwise from outside
 
 
 def read_stl(path, scale=0.001):
@@ -36,24 +43,75 @@ class Winding:
         return out
 
 
-def lattice(lower, upper, size):
-    """(points, tetrahedra) of a body-centred lattice over a box: around every face between two cells, four tetrahedra of the
-    cells' middles and an edge of the face."""
-    n = np.ceil((upper - lower) / size).astype(int) + 1
-    corner = lambda i: np.ravel_multi_index(i, n + 1)
-    centre = lambda i: np.prod(n + 1) + np.ravel_multi_index(i, n)
+class Shape:
+    """The inside of a surface, in a frame whose x axis is the line of action, from its middle. By cubes of tissue, as the fluid
+    is filled: nothing here depends on how the solid's ends are held. `axis`: another direction of the line."""
+
+    FINE = 150000  # particles that say where volume is
+
+    def __init__(self, path, axis=None):
+        self.surface = read_stl(path)
+        self.digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        fine = Muscle(self.surface, tissue="fluid", particles=self.FINE)
+        self.middle = (fine.origin + fine.insertion) / 2
+        if axis is None:
+            axis = (fine.insertion - fine.origin) / fine.length
+        self.ends = self.middle - axis * fine.length / 2, self.middle + axis * fine.length / 2
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        self.turn = np.stack([axis, across, np.cross(axis, across)])
+        self.points, self.cube = self.here(fine.rest), fine.spacing
+        self.winding = Winding(fine)
+
+    def here(self, points):
+        return (points - self.middle) @ self.turn.T
+
+    def volume(self, low, high):
+        """Between two sections; cubes that one passes count in part."""
+        x = self.points[:, 0]
+        part = np.minimum((high - x) / self.cube + 0.5, (x - low) / self.cube + 0.5)
+        return self.cube**3 * np.clip(part, 0, 1).sum()
+
+    def section(self, share):
+        """x below which lies this share of the volume."""
+        whole, low, high = self.volume(-np.inf, np.inf), self.points[:, 0].min(), self.points[:, 0].max()
+        for _ in range(40):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.volume(-np.inf, middle) < share * whole else (low, middle)
+        return float((low + high) / 2)
+
+    def inside(self, points):
+        return self.winding(points @ self.turn + self.middle)
+
+
+# The lattice ------------------------------------------------------------------------------------------------
+
+def lattice(n):
+    """(points, tetrahedra, 0 or 1 for points in the first or last section, else -1) of a body-centred lattice over n cells of
+    edge 1: around every face between two cells, four tetrahedra of the cells' middles and an edge of the face. At the first and
+    last faces along x the middle of the face stands for that of the missing cell, so that the lattice ends flat there."""
+    n = np.asarray(n)
     grid = lambda shape: np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1).reshape(-1, 3)
-    points = lower + size * np.concatenate([grid(n + 1) - 0.5, grid(n)])
-    cells = []
+    corners, centres, section = np.prod(n + 1), np.prod(n), n[1] * n[2]
+    corner = lambda i: np.ravel_multi_index(tuple(i.T), n + 1)
+    centre = lambda i: corners + np.ravel_multi_index(tuple(i.T), n)
+    flat = grid((1, n[1], n[2]))
+    points = np.concatenate([grid(n + 1), grid(n) + 0.5, flat + (0, 0.5, 0.5), flat + (n[0], 0.5, 0.5)])
+    step, cells = np.eye(3, dtype=int), []
+
+    def around(d, face, ends):
+        a, b = step[(d + 1) % 3], step[(d + 2) % 3]
+        ring = [corner(face), corner(face + a), corner(face + a + b), corner(face + b)]
+        cells.extend(np.stack([*ends, ring[k], ring[(k + 1) % 4]], 1) for k in range(4))
+
     for d in range(3):
-        first = grid(n - np.eye(3, dtype=int)[d])
-        step = np.eye(3, dtype=int)
-        a, b = (d + 1) % 3, (d + 2) % 3
-        face = [first + step[d] + i * step[a] + j * step[b] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
-        ends = centre(tuple(first.T)), centre(tuple((first + step[d]).T))
-        for k in range(4):
-            cells.append(np.stack([*ends, corner(tuple(face[k].T)), corner(tuple(face[(k + 1) % 4].T))], 1))
-    return points, np.concatenate(cells)
+        first = grid(n - step[d])
+        around(d, first + step[d], (centre(first), centre(first + step[d])))
+    last = flat + (n[0] - 1, 0, 0)
+    around(0, flat, (corners + centres + np.arange(section), centre(flat)))
+    around(0, last + step[0], (centre(last), corners + centres + section + np.arange(section)))
+    ends = np.where(points[:, 0] == 0, 0, np.where(points[:, 0] == n[0], 1, -1))
+    return points, np.concatenate(cells), ends
 
 
 def cut_places(inside, points, edges, halvings=10):
@@ -67,37 +125,85 @@ def cut_places(inside, points, edges, halvings=10):
     return (low + high) / 2
 
 
-def tetrahedra(inside, lower, upper, size):
-    """(nodes, cells) of what lies inside the 0.5 level; `inside` gives the winding number at points."""
-    points, cells = lattice(lower, upper, size)
-    sign = np.where(inside(points) > 0.5, 1, -1)
+def move_onto(points, sign, edges, share, cuts, ends):
+    """Moves points of the lattice onto cuts near them; their sign becomes 0. What lies in a section stays in it: without a
+    cut near it in there it keeps its place, and counts as one of the surface all the same."""
+    best, moved = np.full(len(points), np.inf), points.copy()
+    for end, distance in ((0, share), (1, 1 - share)):
+        other = edges[:, 1 - end]
+        for k in np.nonzero(distance < 0.5)[0]:
+            v = edges[k, end]
+            stays = ends[v] >= 0 and ends[v] != ends[other[k]]
+            if distance[k] < NEAR:
+                sign[v] = 0
+            if not stays and distance[k] < min(best[v], NEAR if ends[v] < 0 else 0.5):
+                best[v], moved[v] = distance[k], cuts[k]
+    moved[sign != 0] = points[sign != 0]
+    return moved
+
+
+# Tetrahedra -------------------------------------------------------------------------------------------------
+
+def tetrahedra(inside, lower, upper, size, elongation=1):
+    """(nodes, cells) of what lies inside the 0.5 level between the sections x = lower[0] and upper[0], with edges of `size`
+    across and `elongation` times that along x, about; `inside` gives the winding number at points. Only the largest piece that
+    hangs together by faces."""
+    n = np.ceil((upper - lower) / size).astype(int)
+    n[0] = max(2, round((upper[0] - lower[0]) / (size * elongation)))
+    step = np.array([(upper[0] - lower[0]) / n[0], size, size])
+    start = np.array([lower[0], *((lower + upper)[1:] / 2 - n[1:] * size / 2)])
+    points, cells, ends = lattice(n)
+    within = lambda p: inside(start + p * step)
+    sign = np.where(within(points) > 0.5, 1, -1)
     edges = np.unique(np.sort(np.concatenate([cells[:, [i, j]] for i in range(4) for j in range(i)]), 1), axis=0)
     edges = edges[sign[edges[:, 0]] != sign[edges[:, 1]]]
     edges = np.where((sign[edges[:, 0]] > 0)[:, None], edges, edges[:, ::-1])  # from inside out
-    share = cut_places(inside, points, edges)
+    share = cut_places(within, points, edges)
     cuts = points[edges[:, 0]] + share[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
-    # A point nearer to a cut than 0.3 of the edge moves onto it, so that no sliver is cut off.
-    best = np.full(len(points), 0.3)
-    moved = points.copy()
-    for end, distance in ((0, share), (1, 1 - share)):
-        for k in np.nonzero(distance < 0.3)[0]:
-            v = edges[k, end]
-            if distance[k] < best[v]:
-                best[v], moved[v], sign[v] = distance[k], cuts[k], 0
-    numbers = {}
-    for k, (a, b) in enumerate(edges):
-        if sign[a] > 0 > sign[b]:
-            numbers[a, b] = len(points) + k
-    made = []
-    for cell in cells[(sign[cells] > 0).any(1)]:
-        made += clip(cell, sign, numbers)
-    nodes, made = np.concatenate([moved, cuts]), np.array(made)
-    used, made = np.unique(made, return_inverse=True)
-    made = made.reshape(-1, 4)
-    x = nodes[used][made]
-    volume = np.linalg.det(x[:, 1:] - x[:, :1]) / 6
-    made[volume < 0] = made[volume < 0][:, [1, 0, 2, 3]]
-    return nodes[used], made[np.abs(volume) > 1e-4 * size**3]
+    moved = move_onto(points, sign, edges, share, cuts, ends)
+    numbers = {(a, b): len(points) + k for k, (a, b) in enumerate(edges) if sign[a] > 0 > sign[b]}
+    made = [part for cell in cells[(sign[cells] > 0).any(1)] for part in clip(cell, sign, numbers)]
+    nodes = np.concatenate([moved, cuts])
+    made = turned(nodes, np.array(made))
+    nodes, made = tidy(nodes, made[largest(made)])
+    return start + evened(nodes, made, within) * step, made
+
+
+def volumes(nodes, cells):
+    x = nodes[cells]
+    return np.linalg.det(x[:, 1:] - x[:, :1]) / 6
+
+
+def turned(nodes, cells):
+    """With positive volumes."""
+    wrong = volumes(nodes, cells) < 0
+    cells[wrong] = cells[wrong][:, [1, 0, 2, 3]]
+    return cells
+
+
+def tidy(nodes, cells):
+    """Without the nodes that no cell has."""
+    used, cells = np.unique(cells, return_inverse=True)
+    return nodes[used], cells.reshape(-1, 4)
+
+
+def faces(cells):
+    """(faces, cell of each, how many cells have it)."""
+    found = np.concatenate([cells[:, f] for f in FACES])
+    _, which, count = np.unique(np.sort(found, 1), axis=0, return_inverse=True, return_counts=True)
+    return found, which.ravel(), count
+
+
+def largest(cells):
+    """Cells of the largest piece that hangs together by faces."""
+    _, which, count = faces(cells)
+    if count.max() > 2:
+        raise ValueError("a face of three tetrahedra")
+    order = np.argsort(which, kind="stable")
+    shared = np.nonzero(np.diff(which[order]) == 0)[0]
+    pairs = order[shared] % len(cells), order[shared + 1] % len(cells)
+    _, piece = connected_components(coo_matrix((np.ones(len(shared)), pairs), shape=(len(cells),) * 2), False)
+    return piece == np.bincount(piece).argmax()
 
 
 def clip(cell, sign, numbers):
@@ -129,3 +235,152 @@ def prism(top, bottom):
     if min(b, f) < min(c, e):
         return [[a, b, c, f], [a, b, f, e], [a, e, f, d]]
     return [[a, b, c, e], [a, e, c, f], [a, e, f, d]]
+
+
+# Their shape ------------------------------------------------------------------------------------------------
+
+EDGES = [(i, j) for i in range(4) for j in range(i)]
+REGULAR = 6**1.5 * 6 * 2**0.5
+
+
+def crookedness(nodes, cells, power):
+    """(k of each tetrahedron, sum of k^power, its gradient): k is (sum of the squared edges)^1.5 over the volume, 1 for a regular
+    one; None where one has no volume."""
+    p = nodes[cells]
+    a, b, c = (p[:, k] - p[:, 0] for k in (1, 2, 3))
+    by_a, by_b, by_c = np.cross(b, c) / 6, np.cross(c, a) / 6, np.cross(a, b) / 6
+    volume = np.einsum("ni,ni->n", a, by_a)
+    if volume.min() <= 0:
+        return None
+    squares = sum(((p[:, i] - p[:, j]) ** 2).sum(1) for i, j in EDGES)
+    k = squares**1.5 / volume / REGULAR
+    slope = np.stack([-by_a - by_b - by_c, by_a, by_b, by_c], 1) * (-k / volume)[:, None, None]
+    for i, j in EDGES:
+        along = (3 * k / squares)[:, None] * (p[:, i] - p[:, j])
+        slope[:, i] += along
+        slope[:, j] -= along
+    gradient = np.zeros_like(nodes)
+    np.add.at(gradient, cells, (power * k ** (power - 1))[:, None, None] * slope)
+    return k, (k**power).sum(), gradient
+
+
+def surface_normals(nodes, cells):
+    """(unit normals of nodes of the surface, 0 of others, whether nodes lie in an end section). Those of an end section have
+    normals in it."""
+    found, which, count = faces(cells)
+    rim = found[count[which] == 1]
+    ends = nodes[:, 0].min(), nodes[:, 0].max()
+    in_end = [np.abs(nodes[:, 0] - e) < 1e-9 * (ends[1] - ends[0]) for e in ends]
+    rim = rim[~(in_end[0][rim].all(1) | in_end[1][rim].all(1))]
+    area = np.cross(nodes[rim[:, 1]] - nodes[rim[:, 0]], nodes[rim[:, 2]] - nodes[rim[:, 0]])
+    normal = np.zeros_like(nodes)
+    np.add.at(normal, rim, area[:, None])
+    flat = in_end[0] | in_end[1]
+    normal[flat, 0] = 0
+    return unit(normal), flat
+
+
+def unit(vectors):
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+
+
+def evened(nodes, cells, inside, rounds=4, power=5):
+    """Nodes moved so that no tetrahedron is flat: those cut beside the end sections are, where points of the lattice had to stay
+    in the section. Nodes of the surface slide along it and are put back onto the 0.5 level; end sections stay flat."""
+    for _ in range(rounds):
+        normal, flat = surface_normals(nodes, cells)
+        before = nodes
+        k, start, _ = crookedness(nodes, cells, power)
+        stiff = np.zeros(len(nodes))
+        np.add.at(stiff, cells, (power * (power + 1) * k ** (power + 2))[:, None])
+        scale = 1 / np.sqrt(stiff)[:, None]
+
+        def sliding(y):
+            y = y.reshape(-1, 3)
+            y = y - normal * np.einsum("ni,ni->n", normal, y)[:, None]
+            y[flat, 0] = 0
+            return scale * y
+
+        def cost(y):
+            found = crookedness(before + sliding(y), cells, power)
+            return (10 * start, 0 * y) if found is None else (found[1], sliding(found[2]).ravel())
+
+        nodes = before + sliding(minimize(cost, np.zeros(nodes.size), jac=True, method="L-BFGS-B", options={"maxiter": 60}).x)
+        gone = (nodes[:, 0] < before[:, 0].min()) | (nodes[:, 0] > before[:, 0].max())  # past an end section
+        nodes[gone] = before[gone]
+        nodes = put_back(nodes, cells, inside, before, power)
+    return nodes
+
+
+def put_back(nodes, cells, inside, before, power, reach=0.35):
+    """Nodes of the surface along their normals to the 0.5 level, or as far towards it as leaves every tetrahedron a volume."""
+    if crookedness(nodes, cells, power) is None:
+        return before
+    normal, _ = surface_normals(nodes, cells)
+    on = np.nonzero(normal.any(1))[0]
+    low, high = nodes[on] - reach * normal[on], nodes[on] + reach * normal[on]
+    crosses = (inside(low) > 0.5) & ~(inside(high) > 0.5)
+    on, low, high = on[crosses], low[crosses], high[crosses]
+    to = nodes.copy()
+    share = cut_places(inside, np.concatenate([low, high]), np.arange(2 * len(on)).reshape(2, -1).T)
+    to[on] = low + share[:, None] * (high - low)
+    ends = nodes[:, 0].min(), nodes[:, 0].max()
+    to[:, 0] = np.clip(to[:, 0], *ends)
+    worst = 2 * crookedness(nodes, cells, power)[1]
+    for share in 0.5 ** np.arange(10):
+        found = crookedness(nodes + share * (to - nodes), cells, power)
+        if found is not None and found[1] < worst:
+            return nodes + share * (to - nodes)
+    return nodes
+
+
+def flattest(nodes, cells, elongation):
+    """Least volume over that of a regular tetrahedron with the same longest edge, seen shortened along x."""
+    x = (nodes / (elongation, 1, 1))[cells]
+    longest = np.max([np.linalg.norm(x[:, i] - x[:, j], axis=1) for i, j in EDGES], 0)
+    return float((2**0.5 * np.linalg.det(x[:, 1:] - x[:, :1]) / longest**3).min())
+
+
+# The volume -------------------------------------------------------------------------------------------------
+
+def swollen(nodes, cells, volume):
+    """Nodes with the surface pushed outwards, alike everywhere and across x, until it encloses `volume`: flat faces cut corners.
+    What lies in the two end sections stays in them."""
+    normal, _ = surface_normals(nodes, cells)
+    normal = unit(normal * (0, 1, 1))
+    more, by = 1e-3 * volume ** (1 / 3), 0.0
+    for _ in range(20):
+        now = volumes(nodes + by * normal, cells).sum()
+        if abs(now / volume - 1) < 1e-10:
+            break
+        by += (volume - now) * more / (volumes(nodes + (by + more) * normal, cells).sum() - now)
+    nodes = nodes + by * normal
+    if volumes(nodes, cells).min() <= 0:
+        raise ValueError(f"pushed out by {1e3 * by:.3g} mm, tetrahedra turn inside out")
+    return nodes
+
+
+# Of a muscle ----------------------------------------------------------------------------------------------
+
+def free_mesh(shape, held, about, elongation):
+    """(nodes, tetrahedra of what lies between the held shares of the volume, about that many, what they had of its volume before
+    they were given all)."""
+    low, high = shape.section(held), shape.section(1 - held)
+    volume = shape.volume(low, high)
+    size = (volume / elongation / about * 12) ** (1 / 3)  # a lattice cell has twelve tetrahedra
+    free = shape.points[(shape.points[:, 0] > low) & (shape.points[:, 0] < high)]
+    lower, upper = np.array([low, *free.min(0)[1:] - size]), np.array([high, *free.max(0)[1:] + size])
+    nodes, cells = tetrahedra(shape.inside, lower, upper, size, elongation)
+    share = volumes(nodes, cells).sum() / volume
+    return swollen(nodes, cells, volume), cells, share
+
+
+def slabs(shape, held, nodes, cells, count=8, samples=64):
+    """Volume of tetrahedra less that of the shape, in slabs of the free part, in per cent; by points in each tetrahedron."""
+    bary = np.random.default_rng(1).dirichlet(np.ones(4), samples)
+    x = nodes[cells][:, :, 0] @ bary.T
+    share = np.broadcast_to(volumes(nodes, cells)[:, None] / samples, x.shape)
+    borders = np.linspace(shape.section(held), shape.section(1 - held), count + 1)
+    ours, _ = np.histogram(x, borders, weights=share)
+    return [100 * (v / shape.volume(a, b) - 1) for v, a, b in zip(ours, borders, borders[1:])]

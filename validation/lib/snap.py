@@ -1,0 +1,65 @@
+"""Equilibria of finite elements of real muscles: thin strips of them, whose fibres end at the surface, snap past the clamps at
+some activations, where statics.follow() finds nothing."""
+import time
+
+import fem
+import numpy as np
+import statics
+
+MOST_WORK = 8e5  # linear systems solved, over all levels, times tetrahedra
+STILL = 1e-7  # m; in a step with drag
+
+
+class Body(fem.Body):
+    """Whose drag falls the faster the better it goes: a snap asks for many short steps, and what follows it for none."""
+
+    def solve(self, alpha, tolerance_N=2e-4, say=None):
+        """Equilibrium at an activation. On NoSolution the state is as before."""
+        start = self.u.x.array.copy(), float(self.alpha.value)
+        self.alpha.value = alpha
+        drag, fall = (self.drag0 if self.solves else 100 * self.drag0), 30.0
+        try:
+            while drag < 3e11 and self.solves * self.cells < MOST_WORK:
+                self.before.x.array[:] = self.u.x.array
+                self.drag.value = drag
+                try:
+                    self._newton(tolerance_N, 8)
+                except fem.NoSolution:
+                    self.u.x.array[:] = self.before.x.array
+                    drag, fall = max(4 * drag, 1e6), 2.0
+                    continue
+                if say:
+                    say(f"{self.cells} tetrahedra: alpha {alpha:.2f}, drag {drag:.0e}, {self.solves} solves")
+                if drag == 0:
+                    return self
+                still = np.abs(self.u.x.array - self.before.x.array).max() < STILL
+                drag, fall = drag / fall, min(1.5 * fall, 30.0)
+                drag = 0.0 if still or drag < 3e4 else drag
+            raise fem.NoSolution(f"not after {self.solves} solves, drag {drag:.0e}")
+        except fem.NoSolution:
+            self.u.x.array[:], self.alpha.value = start
+            raise
+
+
+def follow(say, mesh, order, law, levels, borders):
+    """As statics.follow(), of a whole muscle that is held where its mesh ends."""
+    began = time.process_time()
+    body = Body(mesh, law, order)
+    nodes, cells = fem.elements(body)
+    made = {"order": order, "planes": (), "volume": body.volume, "nodes": nodes.tolist(), "cells": cells.tolist(), "states": [],
+            "end": None}
+    now, step = 0.0, 0.05
+    for level in levels:
+        while now < level - 1e-9:
+            goal = level if now + 1.01 * step > level else now + step
+            try:
+                body.solve(goal, say=say)
+            except fem.NoSolution as end:
+                step = (goal - now) / 2
+                if step < 0.01 or body.solves * body.cells >= MOST_WORK:
+                    made["end"] = f"order {order}, {body.cells} tetrahedra: none above {now:.3f} ({end})"
+                    return made
+                continue
+            now, step = goal, 0.1
+        made["states"].append(statics.state(body, borders, level, time.process_time() - began))
+    return made
