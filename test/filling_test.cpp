@@ -6,8 +6,11 @@
 #include <cstring>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/filling.h"
+#include "core/line_of_action.h"
 #include "core/section.h"
 #include "core/vec3.h"
 #include "core/winding.h"
@@ -278,33 +281,88 @@ TEST(Filling, OfTheSolidHasItsLayersWhereClampsWantThem) {
     expect_layers_inside_sections(p, &sphere.surface, 0.03);
 }
 
-/* A surface without lids says no volume; what it is filled with first, with cubes, does, and is cut in its
- * stead. The second filling, whose layers meet those sections, would itself be cut elsewhere: measured with
- * 1000 to 16,000 particles by up to a third of a layer. */
+/* The fine cubes of a surface, as its body is made. */
+struct Fine {
+    sphm_filling filling = {};
+    sphm_status status;
+    sphm_context context = {};
+    explicit Fine(const sphm_surface &surface, double volume_m3) {
+        sphm_winding *winding;
+        status = sphm_winding_create(&surface, &winding, &context);
+        sphm_filling_task task = {};
+        task.surface = &surface;
+        task.winding = winding;
+        task.volume_m3 = volume_m3;
+        sphm_surface_principal_frame(&surface, task.frame);
+        if (status == SPHM_OK)
+            status = sphm_filling_create_fine(&task, &filling, &context);
+        sphm_winding_destroy(winding);
+    }
+    Fine(const Fine &) = delete;
+    ~Fine() { sphm_filling_free(&filling); }
+    sphm_cut_body cut() const { return {nullptr, filling.positions, filling.count, filling.spacing_m}; }
+};
+
+/* A surface without lids says no volume; fine cubes in it do, and are cut in its stead. However many
+ * particles there are: their own first filling was cut up to a third of a layer elsewhere. */
 TEST(Filling, OfTheSolidMeetsSectionsOfAMeshWithHoles) {
     shapes::Surface tube = shapes::sphere(0.03, 4);
     for (size_t v = 0; v < tube.surface.vertex_count; v++)
         tube.surface.vertices[3 * v] *= 3;
     tube.keep([](const double x[3]) { return x[0] < 0.07; });
     sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_FLUID;
+    p.particles = 300000;
+    Body finest(p, &tube.surface); /* cubes, as the fine ones are */
+    ASSERT_EQ(finest.status, SPHM_OK) << finest.context.message;
+    const sphm_cut_body whole = {nullptr, finest.body.positions, finest.body.count, finest.body.spacing_m};
     p.tissue = SPHM_TISSUE_SOLID;
     for (int64_t count : {1000, 4000, 8000}) {
         p.particles = count;
-        p.tissue = SPHM_TISSUE_FLUID;
-        Body cubic(p, &tube.surface);
-        p.tissue = SPHM_TISSUE_SOLID;
         Body made(p, &tube.surface);
         ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
-        const sphm_body &b = made.body, &first = cubic.body;
+        const sphm_body &b = made.body;
         ASSERT_GT(b.report.open_edges, 0u);
+        const Fine fine(b.surface, b.volume_m3);
+        ASSERT_EQ(fine.status, SPHM_OK) << fine.context.message;
         double along[3];
         std::memcpy(along, b.step_m[0], sizeof along);
         const double step = sphm_normalise3(along);
-        const sphm_cut_body filled = {nullptr, first.positions, first.count, first.spacing_m};
-        double sections[2];
-        sphm_end_sections(&filled, along, p.attachment_fraction, sections);
+        const sphm_cut_body cubes = fine.cut();
+        double sections[2], clamps[2];
+        sphm_end_sections(&cubes, along, p.attachment_fraction, sections);
         expect_layers_inside(b, along, step, sections);
+        sphm_end_sections(&cubes, b.axis, p.attachment_fraction, clamps);
+        EXPECT_EQ(b.clamp_m[0], clamps[0]) << b.count;
+        EXPECT_EQ(b.clamp_m[1], clamps[1]) << b.count;
+        sphm_end_sections(&whole, b.axis, p.attachment_fraction, clamps);
+        /* Within a fifth of a fine cube; the particles' own cubes were 1.6 mm off (1000) and 0.5 (8000). */
+        const double bar = 0.2 * fine.filling.spacing_m;
+        EXPECT_NEAR(b.clamp_m[0], clamps[0], bar) << b.count;
+        EXPECT_NEAR(b.clamp_m[1], clamps[1], bar) << b.count;
     }
+}
+
+/* The volume that triangles enclose says little where there are holes; the cubes are about as many. */
+TEST(Filling, OfFineCubesIsAsFineWhateverTheVolumeSays) {
+    const shapes::Surface sphere = shapes::sphere(0.03, 3);
+    const double volume = Body(sphm_parameters_default(), &sphere.surface).body.volume_m3;
+    for (double share : {0.003, 1.0, 300.0}) {
+        const Fine fine(sphere.surface, share * volume);
+        ASSERT_EQ(fine.status, SPHM_OK) << fine.context.message;
+        EXPECT_NEAR((double)fine.filling.count, SPHM_FINE_CUBES, 0.02 * SPHM_FINE_CUBES) << share;
+        EXPECT_NEAR((double)fine.filling.count * std::pow(fine.filling.spacing_m, 3), volume, 0.005 * volume);
+    }
+}
+
+TEST(Filling, OfFineCubesRefusesASurfaceWithoutAnInside) {
+    shapes::Surface sphere = shapes::sphere(0.03, 2);
+    for (size_t t = 0; t < sphere.surface.triangle_count; t++) /* inside out */
+        std::swap(sphere.surface.triangles[3 * t], sphere.surface.triangles[3 * t + 1]);
+    const Fine fine(sphere.surface, 1e-4);
+    EXPECT_EQ(fine.status, SPHM_REFUSED_GEOMETRY);
+    EXPECT_NE(std::string(fine.context.message).find("no cube"), std::string::npos) << fine.context.message;
+    EXPECT_EQ(fine.filling.positions, nullptr);
 }
 
 /* What the fluid is filled with does not depend on where it is held. */

@@ -50,14 +50,17 @@ typedef struct sphm_body {
     double step_m[3][3]; /* of the filling's lattice: from a site to the next in its directions, a row each */
     double layer_m; /* what a step is along the line of action; of a tilted line sqrt(sum (step . axis)^2) */
     double volume_m3;
-    double support_radius_m;                     /* h */
-    double length_m;                             /* |insertion - origin| */
-    double mid_radius_m;                         /* equivalent radius sqrt(A/pi) of the mid-belly section */
-    double origin_m[3], insertion_m[3], axis[3]; /* line of action and its unit vector */
+    double support_radius_m; /* h */
+    double length_m;         /* |insertion - origin| */
+    double mid_radius_m;     /* equivalent radius sqrt(A/pi) of the mid-belly section */
+    /* Line of action and its unit vector. Of a mesh, unless given, the principal axis of a fine filling, cut
+     * half a cube beyond the outermost: the number of particles has no say in it. */
+    double origin_m[3], insertion_m[3], axis[3];
     /* Of the solid tissue: the sections across the line of action beyond which attachment_fraction of the
      * volume lies, [0] at the origin and [1] at the insertion; x . axis, m. The tissue behaves as if clamped
      * in them, though it is held up to SPHM_CLAMP_DEPTH layers inside. A bar's layers do not follow them: it
-     * is clamped up to half a layer beside them. Both 0 where nothing is attached, and of the fluid. */
+     * is clamped up to half a layer beside them. Of a surface with holes they are found on that filling. Both
+     * 0 where nothing is attached, and of the fluid. */
     double clamp_m[2];
     double lower_m[3], upper_m[3];
     double *positions;      /* [3 * count], m */

@@ -56,71 +56,79 @@ static sphm_status take_surface(sphm_body *body, const sphm_parameters *paramete
     return SPHM_OK;
 }
 
-/* Where the solid tissue's ends are held, along the lattice's first direction: layers then lie as the clamps
- * want it (attachments: line_of_action.c). A mesh with holes is filled once more to find these
- * sections. */
-static sphm_status find_sections(const sphm_body *body, const sphm_parameters *parameters,
-                                 sphm_filling_task *task, sphm_context *context) {
-    if (parameters->tissue != SPHM_TISSUE_SOLID || parameters->attachment_fraction == 0)
-        return SPHM_OK;
-    sphm_filling first;
-    memset(&first, 0, sizeof first);
-    sphm_cut_body whole = {&body->surface, NULL, 0, 0};
-    sphm_status status = SPHM_OK;
-    if (body->report.open_edges > 0) {
-        status = sphm_filling_create(task, &first, context);
-        whole = (sphm_cut_body){NULL, first.positions, first.count, first.spacing_m};
-    }
-    if (status == SPHM_OK)
-        sphm_end_sections(&whole, task->frame[0], parameters->attachment_fraction, task->sections_m);
-    sphm_filling_free(&first);
-    return status;
+/* What is known of a shape while its body is made. */
+typedef struct made_from {
+    const sphm_parameters *parameters;
+    const sphm_surface *mesh; /* NULL: the preset */
+    sphm_winding *winding;
+    sphm_filling fine; /* where a mesh's line of action or sections are found; else empty */
+} made_from;
+
+/* The sections of the solid tissue's clamps are cut from this; a surface with holes has no volume of its own
+ * (section.h). */
+static sphm_cut_body what_is_cut(const sphm_body *body, const made_from *from) {
+    if (body->report.open_edges > 0)
+        return (sphm_cut_body){NULL, from->fine.positions, from->fine.count, from->fine.spacing_m};
+    return (sphm_cut_body){&body->surface, NULL, 0, 0};
+}
+
+static int is_clamped_in_sections(const sphm_parameters *parameters) {
+    return parameters->tissue == SPHM_TISSUE_SOLID && parameters->attachment_fraction > 0;
 }
 
 /* Lattices lie along the axes of the preset frame, or along the principal directions of a mesh, where their
  * box is smallest and their layers cross the muscle. */
-static sphm_status fill_surface(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
-                                const sphm_winding *winding, sphm_filling *filling, sphm_context *context) {
+static sphm_filling_task filling_task(const sphm_body *body, const made_from *from) {
     sphm_filling_task task;
     memset(&task, 0, sizeof task);
     task.surface = &body->surface;
-    task.winding = winding;
+    task.winding = from->winding;
     task.volume_m3 = body->volume_m3;
-    task.particles = parameters->particles;
-    task.threads = parameters->threads;
+    task.particles = from->parameters->particles;
+    task.threads = from->parameters->threads;
     for (int k = 0; k < 3; k++)
         task.frame[k][k] = 1;
-    if (mesh)
+    if (from->mesh)
         sphm_surface_principal_frame(&body->surface, task.frame);
-    sphm_status status = find_sections(body, parameters, &task, context);
-    return status == SPHM_OK ? sphm_filling_create(&task, filling, context) : status;
+    return task;
 }
 
-static sphm_status fill(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
-                        sphm_filling *filling, sphm_context *context) {
-    sphm_winding *winding;
-    sphm_status status = sphm_winding_create(&body->surface, &winding, context);
-    if (status != SPHM_OK)
-        return status;
-    if (is_bar(parameters, mesh)) {
-        double side[3] = {parameters->belly_length, parameters->belly_width, parameters->belly_thickness};
-        status = sphm_filling_create_bar(side, parameters->particles, filling, context);
-    } else {
-        status = fill_surface(body, parameters, mesh, winding, filling, context);
-    }
-    if (status == SPHM_OK && parameters->jitter > 0)
-        sphm_filling_jitter(filling, winding, parameters->jitter, (uint64_t)parameters->seed,
-                            parameters->threads);
-    sphm_winding_destroy(winding);
+static sphm_status fill_finely(const sphm_body *body, made_from *from, sphm_context *context) {
+    int seeks_line = from->mesh && !sphm_line_of_action_is_given(from->parameters),
+        seeks_sections = body->report.open_edges > 0 && is_clamped_in_sections(from->parameters);
+    if (!seeks_line && !seeks_sections)
+        return SPHM_OK;
+    sphm_filling_task task = filling_task(body, from);
+    return sphm_filling_create_fine(&task, &from->fine, context);
+}
+
+/* The solid tissue is clamped in sections; along the lattice's first direction layers lie as the clamps want
+ * it (attachments: line_of_action.c). */
+static sphm_status fill_surface(const sphm_body *body, const made_from *from, sphm_filling *filling,
+                                sphm_context *context) {
+    sphm_filling_task task = filling_task(body, from);
+    sphm_cut_body whole = what_is_cut(body, from);
+    if (is_clamped_in_sections(from->parameters))
+        sphm_end_sections(&whole, task.frame[0], from->parameters->attachment_fraction, task.sections_m);
+    return sphm_filling_create(&task, filling, context);
+}
+
+static sphm_status fill(const sphm_body *body, const made_from *from, sphm_filling *filling,
+                        sphm_context *context) {
+    const sphm_parameters *p = from->parameters;
+    double side[3] = {p->belly_length, p->belly_width, p->belly_thickness};
+    sphm_status status = is_bar(p, from->mesh) ? sphm_filling_create_bar(side, p->particles, filling, context)
+                                               : fill_surface(body, from, filling, context);
+    if (status == SPHM_OK && p->jitter > 0)
+        sphm_filling_jitter(filling, from->winding, p->jitter, (uint64_t)p->seed, p->threads);
     return status;
 }
 
 /* Takes the particles over from the filling. */
-static sphm_status take_particles(sphm_body *body, const sphm_parameters *parameters,
-                                  const sphm_surface *mesh, sphm_context *context) {
+static sphm_status take_particles(sphm_body *body, const made_from *from, sphm_context *context) {
     sphm_filling filling;
     memset(&filling, 0, sizeof filling);
-    sphm_status status = fill(body, parameters, mesh, &filling, context);
+    sphm_status status = fill(body, from, &filling, context);
     if (status != SPHM_OK)
         return status;
     body->count = filling.count;
@@ -146,10 +154,11 @@ static sphm_status take_particles(sphm_body *body, const sphm_parameters *parame
     return SPHM_OK;
 }
 
-static sphm_status find_line(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
-                             sphm_context *context) {
-    const double ends[2][3] = {{body->lower_m[0], 0, 0}, {body->upper_m[0], 0, 0}};
-    return sphm_body_find_line_of_action(body, parameters, mesh ? NULL : ends, context);
+static sphm_status find_line(sphm_body *body, const made_from *from, sphm_context *context) {
+    double ends[2][3] = {{body->lower_m[0], 0, 0}, {body->upper_m[0], 0, 0}};
+    if (from->mesh && !sphm_line_of_action_is_given(from->parameters))
+        sphm_principal_ends(&from->fine, ends);
+    return sphm_body_find_line_of_action(body, from->parameters, (const double(*)[3])ends, context);
 }
 
 /* The fluid sums over what is within h as a continuum would. The solid corrects its sums, and the nearer its
@@ -193,21 +202,41 @@ static sphm_status count_isolated(sphm_body *body, int64_t threads, sphm_context
     return SPHM_OK;
 }
 
-static sphm_status build(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
-                         sphm_context *context) {
-    sphm_status status = take_surface(body, parameters, mesh, context);
+static sphm_status divide(sphm_body *body, const made_from *from, sphm_context *context) {
+    sphm_cut_body whole = what_is_cut(body, from);
+    return sphm_body_divide(body, from->parameters, &whole, context);
+}
+
+static sphm_status build_from(sphm_body *body, made_from *from, sphm_context *context) {
+    sphm_status status = take_surface(body, from->parameters, from->mesh, context);
     if (status == SPHM_OK)
-        status = take_particles(body, parameters, mesh, context);
+        status = sphm_winding_create(&body->surface, &from->winding, context);
     if (status == SPHM_OK)
-        status = find_line(body, parameters, mesh, context);
+        status = fill_finely(body, from, context);
     if (status == SPHM_OK)
-        status = sphm_body_divide(body, parameters, context);
+        status = take_particles(body, from, context);
+    if (status == SPHM_OK)
+        status = find_line(body, from, context);
+    if (status == SPHM_OK)
+        status = divide(body, from, context);
     if (status != SPHM_OK)
         return status;
     sphm_body_measure_section(body);
-    set_support(body, parameters);
-    status = count_isolated(body, parameters->threads, context);
-    return status == SPHM_OK ? sphm_body_lay_fibres(body, parameters, context) : status;
+    set_support(body, from->parameters);
+    status = count_isolated(body, from->parameters->threads, context);
+    return status == SPHM_OK ? sphm_body_lay_fibres(body, from->parameters, context) : status;
+}
+
+static sphm_status build(sphm_body *body, const sphm_parameters *parameters, const sphm_surface *mesh,
+                         sphm_context *context) {
+    made_from from;
+    memset(&from, 0, sizeof from);
+    from.parameters = parameters;
+    from.mesh = mesh;
+    sphm_status status = build_from(body, &from, context);
+    sphm_winding_destroy(from.winding);
+    sphm_filling_free(&from.fine);
+    return status;
 }
 
 sphm_status sphm_body_create(const sphm_parameters *parameters, const sphm_surface *mesh, sphm_body *body,

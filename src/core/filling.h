@@ -12,6 +12,11 @@ extern "C" {
 /* The count asked for is met within this share. */
 #define SPHM_COUNT_TOLERANCE 0.01
 
+/* Cubes of a fine filling, about: a mesh's line of action and the sections of one with holes are found on
+ * them. Two scanned muscles take 1.1 and 1.4 s of one core; 100,000 cubes take 1.7 and 2.2 s, for a line 0.1
+ * and 2.7 mm longer; 30,000 miss a thin tail of one of them (387 of 441 mm). */
+#define SPHM_FINE_CUBES 60000
+
 /* What to fill and how. `frame` holds the lattice's directions in its rows (orthonormal). */
 typedef struct sphm_filling_task {
     const sphm_surface *surface;
@@ -37,6 +42,11 @@ typedef struct sphm_filling {
 /* A lattice whose spacing is such that the count is met. Refuses (SPHM_REFUSED_GEOMETRY) a count that no
  * spacing and no offset of the lattice meets, naming the nearest one found. */
 sphm_status sphm_filling_create(const sphm_filling_task *task, sphm_filling *filling, sphm_context *context);
+/* About SPHM_FINE_CUBES cubes: what is found on them is the shape's, however many particles it is filled
+ * with. Reads neither task->particles nor the sections. Refuses (SPHM_REFUSED_GEOMETRY) a surface that no
+ * cube lies in. */
+sphm_status sphm_filling_create_fine(const sphm_filling_task *task, sphm_filling *filling,
+                                     sphm_context *context);
 /* A box centred on the origin, along x, y, z, filled by nx ny nz particles in the middles of equal cells. */
 sphm_status sphm_filling_create_bar(const double side_m[3], int64_t particles, sphm_filling *filling,
                                     sphm_context *context);

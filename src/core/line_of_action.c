@@ -3,7 +3,6 @@
  * volume are shares by number. */
 #include "core/line_of_action.h"
 #include "core/context.h"
-#include "core/section.h"
 #include "core/surface.h"
 #include "core/vec3.h"
 
@@ -13,16 +12,16 @@
 /* Shares of the tissue in the regions of the paper. */
 #define END_REGION 0.2
 
-static void covariance(const sphm_body *body, double mean[3], double matrix[3][3]) {
-    double count = (double)body->count;
+static void covariance(const double *positions, size_t points, double mean[3], double matrix[3][3]) {
+    double count = (double)points;
     memset(mean, 0, 3 * sizeof *mean);
     memset(matrix, 0, 9 * sizeof **matrix);
-    for (size_t p = 0; p < body->count; p++)
+    for (size_t p = 0; p < points; p++)
         for (size_t k = 0; k < 3; k++)
-            mean[k] += body->positions[3 * p + k] / count;
-    for (size_t p = 0; p < body->count; p++) {
+            mean[k] += positions[3 * p + k] / count;
+    for (size_t p = 0; p < points; p++) {
         double d[3];
-        sphm_subtract3(&body->positions[3 * p], mean, d);
+        sphm_subtract3(&positions[3 * p], mean, d);
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
                 matrix[i][j] += d[i] * d[j] / count;
@@ -63,27 +62,29 @@ static void orient(double axis[3]) {
             axis[d] = -axis[d];
 }
 
-/* The ends of the principal axis: the line through the middle of the tissue along which it extends most, cut
- * half a spacing beyond the outermost particles. */
-static void principal_ends(const sphm_body *body, double ends[2][3]) {
+void sphm_principal_ends(const sphm_filling *filling, double ends[2][3]) {
     double mean[3], matrix[3][3], values[3], vectors[3][3], d[3], lower = 0, upper = 0;
-    covariance(body, mean, matrix);
+    covariance(filling->positions, filling->count, mean, matrix);
     sphm_eigen_symmetric3(matrix, values, vectors);
     double *axis = vectors[0];
     orient(axis);
-    for (size_t p = 0; p < body->count; p++) {
-        sphm_subtract3(&body->positions[3 * p], mean, d);
+    for (size_t p = 0; p < filling->count; p++) {
+        sphm_subtract3(&filling->positions[3 * p], mean, d);
         lower = fmin(lower, sphm_dot3(d, axis));
         upper = fmax(upper, sphm_dot3(d, axis));
     }
     for (int k = 0; k < 3; k++) {
-        ends[0][k] = mean[k] + (lower - 0.5 * body->spacing_m) * axis[k];
-        ends[1][k] = mean[k] + (upper + 0.5 * body->spacing_m) * axis[k];
+        ends[0][k] = mean[k] + (lower - 0.5 * filling->spacing_m) * axis[k];
+        ends[1][k] = mean[k] + (upper + 0.5 * filling->spacing_m) * axis[k];
     }
 }
 
 static int given(const double point[3]) {
     return point[0] != SPHM_AUTO && point[1] != SPHM_AUTO && point[2] != SPHM_AUTO;
+}
+
+int sphm_line_of_action_is_given(const sphm_parameters *parameters) {
+    return given(parameters->origin) && given(parameters->insertion);
 }
 
 /* Where the line of action is a direction of the lattice this is the step in it; in between it blends. */
@@ -95,12 +96,7 @@ static double step_along(const sphm_body *body) {
 }
 
 sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters *parameters,
-                                          const double fallback[2][3], sphm_context *context) {
-    double ends[2][3];
-    if (fallback)
-        memcpy(ends, fallback, sizeof ends);
-    else
-        principal_ends(body, ends);
+                                          const double ends[2][3], sphm_context *context) {
     int has_origin = given(parameters->origin), has_insertion = given(parameters->insertion);
     /* With one point given the other is the end farther from it. */
     if (has_origin)
@@ -169,11 +165,9 @@ static void attach_by_share(sphm_body *body, double share) {
  * a layer further is held; a little less, so that a section that leaves two layers equally near is met alike
  * at both ends. Particles in no layers (jitter, a tilted line) are then held as far inside on average, too.
  */
-static sphm_status attach_up_to_sections(sphm_body *body, double share, const ranked *order,
-                                         sphm_context *context) {
-    const sphm_cut_body surface = {&body->surface, NULL, 0, 0},
-                        filled = {NULL, body->positions, body->count, body->layer_m};
-    sphm_end_sections(body->report.open_edges > 0 ? &filled : &surface, body->axis, share, body->clamp_m);
+static sphm_status attach_up_to_sections(sphm_body *body, double share, const sphm_cut_body *whole,
+                                         const ranked *order, sphm_context *context) {
+    sphm_end_sections(whole, body->axis, share, body->clamp_m);
     size_t last = body->count - 1, loose = 0;
     double inside = (SPHM_CLAMP_DEPTH + 0.5 - 1e-3) * body->layer_m, level = 1e-6 * body->spacing_m,
            lower = fmax(body->clamp_m[0] + inside, order[0].along + level),
@@ -194,16 +188,17 @@ static sphm_status attach_up_to_sections(sphm_body *body, double share, const ra
 }
 
 /* However few particles there are, an end that is to be attached has its first layer. */
-static sphm_status attach(sphm_body *body, const sphm_parameters *parameters, const ranked *order,
-                          sphm_context *context) {
+static sphm_status attach(sphm_body *body, const sphm_parameters *parameters, const sphm_cut_body *whole,
+                          const ranked *order, sphm_context *context) {
     double share = parameters->attachment_fraction, first = body->axial_fraction[order[0].particle];
     if (parameters->tissue == SPHM_TISSUE_SOLID && share > 0)
-        return attach_up_to_sections(body, share, order, context);
+        return attach_up_to_sections(body, share, whole, order, context);
     attach_by_share(body, share > 0 ? fmax(share, first * 1.000001) : 0);
     return SPHM_OK;
 }
 
-sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, sphm_context *context) {
+sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, const sphm_cut_body *whole,
+                             sphm_context *context) {
     ranked *order = malloc(body->count * sizeof *order);
     if (!order)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory to rank %zu particles", body->count);
@@ -213,7 +208,7 @@ sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters,
     }
     qsort(order, body->count, sizeof *order, compare_ranked);
     share_ranks(body, order);
-    sphm_status status = attach(body, parameters, order, context);
+    sphm_status status = attach(body, parameters, whole, order, context);
     for (size_t p = 0; p < body->count; p++) {
         double share = body->axial_fraction[p];
         body->region[p] = share < END_REGION       ? SPHM_REGION_ORIGIN
@@ -254,7 +249,7 @@ void sphm_body_cross_axes(const sphm_body *body, double wide[3], double thin[3])
         v[k] = (k == up) - body->axis[up] * body->axis[k];
     sphm_normalise3(v);
     sphm_cross3(v, body->axis, u);
-    covariance(body, mean, matrix);
+    covariance(body->positions, body->count, mean, matrix);
     double uu = 0, uv = 0, vv = 0;
     for (int k = 0; k < 3; k++)
         moved[k] = sphm_dot3(matrix[k], u);

@@ -2,6 +2,8 @@
 #ifndef SPHM_CORE_LINE_OF_ACTION_H
 #define SPHM_CORE_LINE_OF_ACTION_H
 
+#include "core/filling.h"
+#include "core/section.h"
 #include "sph_muscle/geometry.h"
 
 #ifdef __cplusplus
@@ -10,12 +12,18 @@ extern "C" {
 
 /* Each reads body->positions, count, spacing_m, step_m, and what the ones before it wrote. */
 
-/* Writes origin_m, insertion_m, axis, length_m, layer_m. Given points are taken; `fallback` (NULL for a mesh)
- * holds the ends of a preset. */
+/* Whether both ends are given, so that nobody looks for one. */
+int sphm_line_of_action_is_given(const sphm_parameters *parameters);
+/* The ends of the principal axis of a filling: the line through its middle along which it extends most, cut
+ * half a spacing beyond the outermost cubes. */
+void sphm_principal_ends(const sphm_filling *filling, double ends[2][3]);
+/* Writes origin_m, insertion_m, axis, length_m, layer_m. Given points are taken, and of the others those of
+ * `ends`, which is not read where both are given. */
 sphm_status sphm_body_find_line_of_action(sphm_body *body, const sphm_parameters *parameters,
-                                          const double fallback[2][3], sphm_context *context);
-/* Writes axial_fraction, attachment, region, and clamp_m of a solid; reads the surface. */
-sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, sphm_context *context);
+                                          const double ends[2][3], sphm_context *context);
+/* Writes axial_fraction, attachment, region, and clamp_m of a solid, whose sections are cut from `whole`. */
+sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters, const sphm_cut_body *whole,
+                             sphm_context *context);
 /* Writes mid_radius_m. */
 void sphm_body_measure_section(sphm_body *body);
 /* Unit directions across the axis: `wide` where the tissue extends most, `thin` least; right-handed. */
