@@ -1,17 +1,21 @@
-"""Equilibria of finite elements of real muscles: thin strips of them, whose fibres end at the surface, snap past the clamps at
-some activations, where statics.follow() finds nothing."""
+"""Equilibria of finite elements past snaps: thin strips, whose fibres end at the surface, jump past the clamps at some
+activations, of real muscles and of fine meshes of the belly, where fem.Body.solve() finds nothing."""
 import time
 
 import fem
 import numpy as np
 import statics
 
-MOST_WORK = 8e5  # linear systems solved, over all levels, times tetrahedra
 STILL = 1e-7  # m; in a step with drag
 
 
 class Body(fem.Body):
     """Whose drag falls the faster the better it goes: a snap asks for many short steps, and what follows it for none."""
+
+    most_work = 8e5  # linear systems solved, over all levels, times tetrahedra
+
+    def tired(self):
+        return self.solves * self.cells >= self.most_work
 
     def solve(self, alpha, tolerance_N=2e-4, say=None):
         """Equilibrium at an activation. On NoSolution the state is as before."""
@@ -19,7 +23,7 @@ class Body(fem.Body):
         self.alpha.value = alpha
         drag, fall = (self.drag0 if self.solves else 100 * self.drag0), 30.0
         try:
-            while drag < 3e11 and self.solves * self.cells < MOST_WORK:
+            while drag < 3e11 and not self.tired():
                 self.before.x.array[:] = self.u.x.array
                 self.drag.value = drag
                 try:
@@ -56,7 +60,7 @@ def follow(say, mesh, order, law, levels, borders):
                 body.solve(goal, say=say)
             except fem.NoSolution as end:
                 step = (goal - now) / 2
-                if step < 0.01 or body.solves * body.cells >= MOST_WORK:
+                if step < 0.01 or body.tired():
                     made["end"] = f"order {order}, {body.cells} tetrahedra: none above {now:.3f} ({end})"
                     return made
                 continue
