@@ -69,7 +69,7 @@ def contracted(m):
         m.advance(MEAN_OVER / SAMPLES)
         p = m.particles()
         samples.append((p["position_m"] - m.rest, p["pressure_Pa"], nearest(p["position_m"], m.spacing)))
-    u, pressure, near = (np.mean([s[k] for s in samples], axis=0) for k in range(3))
+    u, pressure = (np.mean([s[k] for s in samples], axis=0) for k in range(2))
     free = m.attachment == 0
     return {"u": u, "force": np.nan, "pressure": pressure[free].mean(), "nearest": min(s[2] for s in samples),
             "regions": [pressure[free & (m.region == k)].mean() for k in range(3)]}
