@@ -68,6 +68,7 @@ class LoadTest(unittest.TestCase):
         self.assertLess(caught.attachment_distance, self.rest_distance)
         later = self.settled()  # the tissue swings meanwhile; the ends do not
         self.assertAlmostEqual(later.attachment_distance, caught.attachment_distance, delta=1e-9)
+        self.assertAlmostEqual(self.settled().length, later.length, delta=1e-5)
         self.assertFalse(later.failed)
         # Reset undoes it all.
         self.assertTrue(self.release("insertion").success)
