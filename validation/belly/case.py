@@ -67,8 +67,8 @@ def finite_elements(r, size, elongation, law, order=2, alphas=ALPHAS):
 
     coupling = "volume_free" if law.volume_free else "true_stretch"
     return statics.part(r, f"elements_{coupling}_p{order}_{1e3 * size:g}mm_{elongation}",
-                         lambda: equilibria(r, size, elongation, law, order, alphas), law, (equilibria, fem_row, snap), plane=PLANE,
-                         volume=VOLUME, middle=MID, size=size, elongation=elongation, order=order, alphas=alphas)
+                        lambda: equilibria(r, size, elongation, law, order, alphas), law, (equilibria, fem_row, snap),
+                        plane=PLANE, volume=VOLUME, middle=MID, size=size, elongation=elongation, order=order, alphas=alphas)
 
 
 def elements_of(r, law, meshes, alphas):
@@ -208,28 +208,33 @@ def judge(r, rows, elements, alphas):
         least = min(x["count"] for x in rows)
         for a in alphas:
             coarse, fine = of(rows, a, count=least)[0], of(rows, a, count=most)[0]
-            r.check(f"activation {a}: end force when the spacing halves ({least} to {most} particles)",
-                    percent(coarse["force"], fine["force"]), below=2)
-            r.check(f"activation {a}: middle section when the spacing halves",
-                    percent(coarse["sections"][1], fine["sections"][1]), below=2)
+            check_halved(r, f"activation {a}", coarse, fine)
+
+
+def halved(coarse, fine):
+    """Changes of the end force and the middle section, in per cent."""
+    return percent(coarse["force"], fine["force"]), percent(coarse["sections"][1], fine["sections"][1])
+
+
+def check_halved(r, what, coarse, fine):
+    for name, change in zip(("end force", "middle section"), halved(coarse, fine)):
+        r.check(f"{what}: {name} when the spacing halves ({coarse['count']} to {fine['count']} particles)", change, below=2)
 
 
 def halving(r):
     """The forces as the spacing halves, twice, with the constants that users get: the law on the true stretch, and fibres that
     resist compression."""
-    stiffness = sphm.library().sphm_parameters_default().passive_compressive_stiffness
+    stiffness = sphm.default("passive_compressive_stiffness")
     law = Material(compressive=stiffness)
     counts = [particle_rows(r, n, law, passive_compressive_stiffness=stiffness) for n in HALVED]
     changes = []
     for coarse, fine in zip(counts, counts[1:]):
         for x, y in zip(coarse, fine):
-            force, section = percent(x["force"], y["force"]), percent(x["sections"][1], y["sections"][1])
+            force, section = halved(x, y)
             changes.append([x["count"], y["count"], x["alpha"], x["force"], y["force"], force, x["sections"][1], y["sections"][1],
                             section, balance(y)])
             if fine is counts[-1]:
-                for what, change in (("end force", force), ("middle section", section)):
-                    r.check(f"default constants, activation {x['alpha']}: {what} when the spacing halves ({x['count']} to "
-                            f"{y['count']} particles)", change, below=2)
+                check_halved(r, f"default constants, activation {x['alpha']}", x, y)
     r.table("halving", "Forces (N) as the spacing halves, default constants.",
             ["particles", "twice as fine", "activation", "end force", "finer", "change (%)", "middle section", "finer", "change (%)",
              "finer: spread of ends and sections (%)"], changes)

@@ -148,6 +148,11 @@ def _surface(given):
 ORIGIN, INSERTION = 0, 1
 
 
+def default(name):
+    """What the library gives a parameter. Muscle() here has another passive_compressive_stiffness."""
+    return getattr(library().sphm_parameters_default(), name)
+
+
 class Muscle:
     """One muscle. Parameters by the names of the README; text and numbers are both taken. `surface`: (vertices in m,
     triangles) to fill instead of the preset."""

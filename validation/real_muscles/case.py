@@ -27,7 +27,6 @@ far as elements of it come to rest."""
 FILES = {"triceps long head": "triceps_long_head_right_FMA37699.stl", "vastus lateralis": "vastus_lateralis_right_FMA38930.stl"}
 LEVELS = (0.1, 0.3, 0.5)
 COUNTS = (2231, 4944, 9888, 18475)
-COMPRESSIVE = 1e5  # Pa, the library's default
 # By law: order, tetrahedra, about, how much longer along x, and levels; the finest last. Nothing in Table 3 alone resists
 # fibres that shorten, so that strips whose fibres end at the surface snap, and a mesh may find no rest.
 ELEMENTS = {"default law": ((2, 1500, 8, LEVELS), (2, 5000, 8, LEVELS[:2]), (2, 10000, 8, LEVELS[:2])),
@@ -85,7 +84,7 @@ def mesh_and_follow(r, shape, order, about, elongation, law, levels):
 
 
 def compressive(law):
-    return 0.0 if law == "Table 3 alone" else COMPRESSIVE
+    return 0.0 if law == "Table 3 alone" else sphm.default("passive_compressive_stiffness")
 
 
 def elements(r, name, law, shape, meshes):

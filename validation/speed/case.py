@@ -2,7 +2,7 @@
 import os
 
 import matplotlib.pyplot as plt
-from sphm import Muscle, library
+from sphm import Muscle, default, library
 
 TITLE = "The paper's timings"
 QUESTION = """The paper's Figure 12 times the stages of a step at four particle counts: 3.7 steps a second on its CPU and 70.1
@@ -16,8 +16,8 @@ STAGES = ("neighbours_s", "intermediate_velocity_s", "density_pressure_s", "forc
 
 def measure(tissue, particles, threads, seconds=1.5):
     # The library's default stiffness, not Table 3 alone, under which particles go flat and steps get short (doc/solid.md).
-    stiffness = library().sphm_parameters_default().passive_compressive_stiffness
-    more = dict(electrode="both") if tissue == "fluid" else dict(passive_compressive_stiffness=stiffness)
+    stiffness = "passive_compressive_stiffness"
+    more = dict(electrode="both") if tissue == "fluid" else {stiffness: default(stiffness)}
     m = Muscle(tissue=tissue, particles=particles, threads=threads, stimulus="0:1:8000", **more)
     m._do("sphm_muscle_step", m._handle, 5)
     library().sphm_muscle_reset_timing(m._handle)
