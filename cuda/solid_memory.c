@@ -112,6 +112,7 @@ sphm_status sphm_solid_upload_rest(const sphm_solid_backend *b, sphm_context *co
     sphm_solid_upload(&c, d->correction, columns, 6 * n, sizeof(sphm_real));
     for (size_t a = 0; a < 3; ++a)
         sphm_solid_upload(&c, d->fibre + a * n, fibre[a], n, sizeof(sphm_real));
+    sphm_solid_upload(&c, d->relative_volume, s->relative_volume, n, sizeof(sphm_real));
     sphm_solid_upload(&c, d->attachment, s->attachment, n, 1);
     sphm_solid_upload(&c, d->electrodes, s->electrodes, n, 1);
     sphm_solid_upload(&c, d->id, s->id, n, sizeof *d->id);

@@ -37,8 +37,8 @@ static sphm_status build_operators(sphm_solid_rest *rest, const sphm_grid *grid,
     sphm_status status =
         sphm_neighbours_build(&rest->rows, grid, s->x, s->y, s->z, s->count, radius, threads, context);
     if (status == SPHM_OK)
-        status = sphm_gradient_create(&rest->gradient, &rest->rows, s->x, s->y, s->z, radius,
-                                      model->particle_volume_m3, threads, context);
+        status = sphm_gradient_create(&rest->gradient, &rest->rows, s->x, s->y, s->z, s->relative_volume,
+                                      radius, model->particle_volume_m3, threads, context);
     if (status == SPHM_OK)
         status = sphm_cpu_build_diffusion(&rest->diffusion, &rest->rows, model, s, threads, context);
     if (status == SPHM_OK && rest->gradient.regularised + rest->gradient.isolated)

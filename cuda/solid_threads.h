@@ -197,7 +197,7 @@ SPHM_FN void sphm_solid_move_finish(const sphm_solid_device *d, const sphm_solid
         for (int a = 0; a < 3; ++a)
             force[a] = d->particle_volume_m3 * sum[a];
         sphm_solid_add_pulls(d, step, i, force);
-        sphm_solid_move(&p->mover, force, motion);
+        sphm_solid_move(&p->mover, d->relative_volume[i], force, motion);
     } else {
         const int end = d->attachment[i] == SPHM_ATTACHED_ORIGIN ? SPHM_END_ORIGIN : SPHM_END_INSERTION;
         double rest[3];
@@ -264,7 +264,8 @@ SPHM_FN void sphm_solid_evaluate_particle(const sphm_solid_device *d, const sphm
         f0[a] = d->fibre[(size_t)a * d->count + i];
     sphm_solid_correct(sum, b, H);
     sphm_solid_correct(sum + 9, b, rate);
-    sphm_solid_evaluate(tissue, H, rate, f0, activation, d->fibre_rate[i], rate_share, b, result);
+    sphm_solid_evaluate(tissue, H, rate, f0, activation, d->fibre_rate[i], rate_share, d->relative_volume[i],
+                        b, result);
     sphm_real line[4], rest[4], motion[8];
     sphm_load4(d->rest + 4 * i, rest);
     sphm_load4(d->motion + 8 * i, motion);

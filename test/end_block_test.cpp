@@ -173,7 +173,7 @@ TEST(EndBlock, FreeMuscleKeepsItsMomentum) {
         for (size_t i = 0; i < s->count; ++i) {
             const double v[3] = {double(s->vx[i]), double(s->vy[i]), double(s->vz[i])};
             for (int d = 0; d < 3; ++d)
-                sum[size_t(d)] += muscle->model.particle_mass_kg * v[d];
+                sum[size_t(d)] += muscle->model.particle_mass_kg * double(s->relative_volume[i]) * v[d];
         }
         return sum;
     };

@@ -73,6 +73,7 @@ class Muscle {
         return {double(state.rest_x[slot]), double(state.rest_y[slot]), double(state.rest_z[slot])};
     }
     void rest() {
+        std::fill(state.relative_volume, state.relative_volume + state.count, sphm_real(1));
         for (size_t s = 0; s < state.count; ++s) {
             const double *p = positions.data() + 3 * size_t(state.id[s]);
             state.rest_x[s] = sphm_real(p[0] - model.frame_m[0]);

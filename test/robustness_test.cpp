@@ -85,7 +85,8 @@ TEST(Robustness, RandomStimulationAndMotion) {
                 const double v[3] = {double(s->vx[i]), double(s->vy[i]), double(s->vz[i])};
                 period_J = std::fmin(period_J, J);
                 largest_J = std::fmax(largest_J, J);
-                kinetic += muscle->model.particle_mass_kg / 2 * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+                kinetic += muscle->model.particle_mass_kg / 2 * double(s->relative_volume[i]) *
+                           (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
             }
             energy_J = std::fmax(energy_J, kinetic);
         }

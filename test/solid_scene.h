@@ -66,7 +66,8 @@ inline std::vector<Vector> block(const Vector &size, double spacing, double jitt
 struct Scene {
     size_t count = 0;
     double spacing = 0, volume = 0, mass = 0;
-    std::vector<sphm_real> rest[3], fibre[3], shift[3], velocity[3], activation, density, pressure;
+    std::vector<sphm_real> rest[3], fibre[3], shift[3], velocity[3], activation, density, pressure,
+        relative_volume;
     std::vector<int32_t> particle; // the point of each slot
     std::vector<uint8_t> held;     // 0 free, 1 origin, 2 insertion
     sphm_grid grid{};
@@ -91,6 +92,7 @@ struct Scene {
             field.velocity[d] = velocity[d].data();
         }
         activation.assign(count, 0);
+        relative_volume.assign(count, 1);
         held.assign(count, 0);
         std::vector<int32_t> id(count);
         std::iota(id.begin(), id.end(), 0);
@@ -108,7 +110,7 @@ struct Scene {
         if (columns)
             follow_lattice();
         require(sphm_gradient_create(&gradient, &rows, rest[0].data(), rest[1].data(), rest[2].data(),
-                                     ratio * spacing, volume, 1, &context),
+                                     relative_volume.data(), ratio * spacing, volume, 1, &context),
                 context);
         require(sphm_solid_lines_create(&lines, &rows, &gradient, rest[0].data(), rest[1].data(),
                                         rest[2].data(), columns ? &lattice : nullptr, &context),
@@ -117,6 +119,7 @@ struct Scene {
         field.fibre_y = fibre[1].data();
         field.fibre_z = fibre[2].data();
         field.activation = activation.data();
+        field.relative_volume = relative_volume.data();
         density.resize(count);
         pressure.resize(count);
         field.density = density.data();

@@ -9,6 +9,7 @@
 #include "core/section.h"
 #include "core/threads.h"
 #include "core/vec3.h"
+#include "core/volumes.h"
 #include "core/winding.h"
 
 #include <stdlib.h>
@@ -21,6 +22,7 @@ void sphm_body_free(sphm_body *body) {
     if (!body)
         return;
     free(body->positions);
+    free(body->volumes);
     free(body->fibres);
     free(body->axial_fraction);
     free(body->attachment);
@@ -145,12 +147,24 @@ static sphm_status take_particles(sphm_body *body, const made_from *from, sphm_c
             context, SPHM_LOG_WARNING,
             "filling: the particles take %.4g m3, but the mesh's triangles say %.4g m3; has it large holes?",
             filled, body->volume_m3);
+    body->volumes = malloc(body->count * sizeof *body->volumes);
     body->fibres = malloc(3 * body->count * sizeof *body->fibres);
     body->axial_fraction = malloc(body->count * sizeof *body->axial_fraction);
     body->attachment = malloc(body->count);
     body->region = malloc(body->count);
-    if (!body->fibres || !body->axial_fraction || !body->attachment || !body->region)
+    if (!body->volumes || !body->fibres || !body->axial_fraction || !body->attachment || !body->region)
         return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for %zu particles", body->count);
+    return SPHM_OK;
+}
+
+/* A bar's cells are its particles' volumes, and the fluid's particles all have the same mass. */
+static sphm_status find_volumes(sphm_body *body, const made_from *from, sphm_context *context) {
+    const sphm_parameters *p = from->parameters;
+    int displaced = p->jitter > 0, is_stairs = displaced || !is_bar(p, from->mesh);
+    if (p->tissue == SPHM_TISSUE_SOLID && is_stairs)
+        return sphm_body_measure_volumes(body, from->winding, displaced, p->threads, context);
+    for (size_t i = 0; i < body->count; i++)
+        body->volumes[i] = body->volume_m3 / (double)body->count;
     return SPHM_OK;
 }
 
@@ -215,6 +229,8 @@ static sphm_status build_from(sphm_body *body, made_from *from, sphm_context *co
         status = fill_finely(body, from, context);
     if (status == SPHM_OK)
         status = take_particles(body, from, context);
+    if (status == SPHM_OK)
+        status = find_volumes(body, from, context);
     if (status == SPHM_OK)
         status = find_line(body, from, context);
     if (status == SPHM_OK)

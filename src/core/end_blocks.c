@@ -6,30 +6,33 @@
 
 #include "sph_muscle/muscle.h"
 
-static void find_centre(const sphm_body *body, uint8_t attached, sphm_end_block *block) {
+static void find_centre(const sphm_body *body, uint8_t attached, double density, sphm_end_block *block) {
     for (size_t i = 0; i < body->count; ++i) {
         if (body->attachment[i] != attached)
             continue;
+        const double mass_kg = density * body->volumes[i];
         ++block->particles;
+        block->weight_kg += mass_kg;
         for (int d = 0; d < 3; ++d)
-            block->centre_m[d] += body->positions[3 * i + (size_t)d];
+            block->centre_m[d] += mass_kg * body->positions[3 * i + (size_t)d];
     }
     for (int d = 0; d < 3 && block->particles > 0; ++d)
-        block->centre_m[d] /= block->particles;
+        block->centre_m[d] /= block->weight_kg;
 }
 
 /* Particles count as cubes, so that a single one or a row of them can be turned too. */
-static void add_inertia(const sphm_body *body, uint8_t attached, double particle_kg, sphm_end_block *block) {
+static void add_inertia(const sphm_body *body, uint8_t attached, double density, sphm_end_block *block) {
     for (size_t i = 0; i < body->count; ++i) {
         if (body->attachment[i] != attached)
             continue;
         double arm[3];
         for (int d = 0; d < 3; ++d)
             arm[d] = body->positions[3 * i + (size_t)d] - block->centre_m[d];
+        const double mass_kg = density * body->volumes[i];
         const double square = sphm_dot3(arm, arm) + body->spacing_m * body->spacing_m / 6;
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c)
-                block->inertia_kg_m2[3 * r + c] += particle_kg * ((r == c ? square : 0) - arm[r] * arm[c]);
+                block->inertia_kg_m2[3 * r + c] += mass_kg * ((r == c ? square : 0) - arm[r] * arm[c]);
     }
 }
 
@@ -52,8 +55,7 @@ static int has_tendon(const sphm_parameters *parameters, int end) {
            parameters->tendon_ends == (end == SPHM_END_ORIGIN ? SPHM_TENDON_ORIGIN : SPHM_TENDON_INSERTION);
 }
 
-sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm_body *body, int end,
-                                   double particle_mass_kg) {
+sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm_body *body, int end) {
     const uint8_t attached = end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION;
     sphm_end_block block;
     memset(&block, 0, sizeof block);
@@ -65,12 +67,11 @@ sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm
         block.tendon_slack_m = parameters->tendon_slack_length;
         block.tendon_N_per_m = parameters->tendon_stiffness;
     }
-    find_centre(body, attached, &block);
+    find_centre(body, attached, parameters->density, &block);
     if (!(block.particles > 0))
         return block;
-    block.weight_kg = block.particles * particle_mass_kg;
     block.inertia_kg = block.weight_kg * parameters->mass_scaling;
-    add_inertia(body, attached, particle_mass_kg * parameters->mass_scaling, &block);
+    add_inertia(body, attached, parameters->density * parameters->mass_scaling, &block);
     invert(block.inertia_kg_m2, block.inverse_inertia);
     return block;
 }

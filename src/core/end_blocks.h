@@ -10,9 +10,8 @@
 extern "C" {
 #endif
 
-/* `end`: SPHM_END_...; mass of a particle without scaling. */
-sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm_body *body, int end,
-                                   double particle_mass_kg);
+/* `end`: SPHM_END_... */
+sphm_end_block sphm_end_block_from(const sphm_parameters *parameters, const sphm_body *body, int end);
 
 /* Whether the block is where its drive's motion says: held, without a tendon. Else forces move it. */
 int sphm_end_follows(const sphm_end_block *block, const sphm_end_drive *drive);

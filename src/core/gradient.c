@@ -138,36 +138,54 @@ static void sweep_gradient(const sphm_gradient *gradient, const sphm_neighbours 
     }
 }
 
-/* Minus the derivative of half the quadratic form: of sum |grad phi|^2 (hourglass 0), or of the hourglass
- * energy (1), whose own derivative with respect to grad phi vanishes (doc/solid.md). */
-static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *grad,
-                          const double *jumps, int hourglass, int threads, double *force) {
-#pragma omp parallel for schedule(static)                                                                    \
-    num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
-    for (size_t slot = 0; slot < gradient->count; ++slot) {
-        double own[3];
-        if (hourglass)
-            memcpy(own, grad + 3 * slot, sizeof own);
-        else
-            apply_correction(gradient, slot, grad + 3 * slot, own);
-        double sum = 0;
-        for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
-            const size_t j = (size_t)rows->slot[k];
-            double other[3];
-            if (hourglass)
-                memcpy(other, grad + 3 * j, sizeof other);
-            else
-                apply_correction(gradient, j, grad + 3 * j, other);
+/* sum_j w X . (v_i + v_j) */
+static double sum_of_both(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *v,
+                          size_t slot) {
+    double sum = 0;
+    for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k)
+        for (size_t d = 0; d < 3; ++d)
+            sum += (double)gradient->pair[4 * k + d] * (v[3 * slot + d] + v[3 * (size_t)rows->slot[k] + d]);
+    return sum;
+}
+
+/* Minus the derivative of half the sum of q |grad phi|^2, q the relative volume. */
+static void sweep_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows,
+                          const sphm_real *relative_volume, double *grad, int threads, double *force) {
+#pragma omp parallel num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
+    {
+#pragma omp for schedule(static)
+        for (size_t slot = 0; slot < gradient->count; ++slot) {
+            double flux[3];
             for (int d = 0; d < 3; ++d)
-                sum += (double)gradient->pair[4 * k + (size_t)d] * (own[d] + other[d]);
+                flux[d] = (double)relative_volume[slot] * grad[3 * slot + (size_t)d];
+            apply_correction(gradient, slot, flux, grad + 3 * slot);
         }
-        force[slot] = hourglass ? jumps[slot] - sum / 2 : sum;
+#pragma omp for schedule(static)
+        for (size_t slot = 0; slot < gradient->count; ++slot)
+            force[slot] = sum_of_both(gradient, rows, grad, slot);
     }
 }
 
+/* The same of the hourglass energy, whose derivative with respect to grad phi vanishes (doc/solid.md). */
+static void sweep_hourglass_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows,
+                                    const double *grad, const double *jumps, int threads, double *force) {
+#pragma omp parallel for schedule(static)                                                                    \
+    num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
+    for (size_t slot = 0; slot < gradient->count; ++slot)
+        force[slot] = jumps[slot] - sum_of_both(gradient, rows, grad, slot) / 2;
+}
+
+/* sum q phi^2 */
+static double norm_of(const double *phi, const sphm_real *relative_volume, size_t n) {
+    double sum = 0;
+    for (size_t i = 0; i < n; ++i)
+        sum += (double)relative_volume[i] * phi[i] * phi[i];
+    return sqrt(sum);
+}
+
 /* Largest eigenvalue by power iteration from a start that has no symmetry. `work`: 6 doubles a particle. */
-static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neighbours *rows, int hourglass,
-                                 int threads, double *work) {
+static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neighbours *rows,
+                                 const sphm_real *relative_volume, int hourglass, int threads, double *work) {
     const size_t n = gradient->count;
     double *phi = work, *force = work + n, *jumps = work + 2 * n, *grad = work + 3 * n;
     uint32_t random = 12345;
@@ -178,17 +196,18 @@ static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neigh
     double eigenvalue = 0;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
         sweep_gradient(gradient, rows, phi, threads, grad, jumps);
-        sweep_adjoint(gradient, rows, grad, jumps, hourglass, threads, force);
-        double norm = 0, before = 0;
-        for (size_t i = 0; i < n; ++i) {
-            norm += force[i] * force[i];
-            before += phi[i] * phi[i];
-        }
+        if (hourglass)
+            sweep_hourglass_adjoint(gradient, rows, grad, jumps, threads, force);
+        else
+            sweep_adjoint(gradient, rows, relative_volume, grad, threads, force);
+        for (size_t i = 0; i < n; ++i) /* a particle's mass goes with its volume */
+            force[i] /= (double)relative_volume[i];
+        const double norm = norm_of(force, relative_volume, n);
         if (!(norm > 0))
             return 0;
-        eigenvalue = sqrt(norm / before);
+        eigenvalue = norm / norm_of(phi, relative_volume, n);
         for (size_t i = 0; i < n; ++i)
-            phi[i] = force[i] / sqrt(norm);
+            phi[i] = force[i] / norm;
     }
     return ESTIMATE_MARGIN * eigenvalue;
 }
@@ -228,16 +247,16 @@ static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, con
 }
 
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
-                                 const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                 int threads, sphm_context *context) {
+                                 const sphm_real *y, const sphm_real *z, const sphm_real *relative_volume,
+                                 double radius_m, double volume_m3, int threads, sphm_context *context) {
     memset(gradient, 0, sizeof *gradient);
     double *work;
     const sphm_status status = allocate(gradient, rows, &work, context);
     if (status != SPHM_OK)
         return status;
     build_rows(gradient, rows, x, y, z, radius_m, volume_m3, threads);
-    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, 0, threads, work);
-    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, 1, threads, work);
+    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, relative_volume, 0, threads, work);
+    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, relative_volume, 1, threads, work);
     free(work);
     return SPHM_OK;
 }

@@ -25,7 +25,8 @@ typedef struct sphm_gradient {
     sphm_real *pair;       /* [4 * rows->row_start[count]]: w X, w Y, w Z (1/m), w (1/m2); 0 in the padding */
     sphm_real *correction; /* [6 * count], B: xx, xy, xz, yy, yz, zz */
     /* Largest eigenvalues over the particles, 1/m2, that bound every frequency of the tissue: of the sum of
-     * |grad phi|^2, and of the hourglass energy's sum of w |phi_j - phi_i - grad phi_i . X_ij|^2 / 2. */
+     * q |grad phi|^2, q a particle's relative volume, and of the hourglass energy's sum of w |phi_j - phi_i -
+     * grad phi_i . X_ij|^2 / 2. */
     double gradient_eigenvalue, hourglass_eigenvalue;
     double neighbours_per_particle; /* mean */
     size_t
@@ -34,11 +35,12 @@ typedef struct sphm_gradient {
 } sphm_gradient;
 
 void sphm_gradient_free(sphm_gradient *gradient); /* a zeroed one is fine */
-/* `rows` holds all pairs within radius_m at the rest positions x, y, z (slot order). `threads`: 0 is all
- * there are; no bit depends on it. On anything but SPHM_OK `gradient` is zeroed. */
+/* `rows` holds all pairs within radius_m at the rest positions x, y, z (slot order). volume_m3: mean of a
+ * particle; relative_volume [count]: of each over it. `threads`: 0 is all there are; no bit depends on it. On
+ * anything but SPHM_OK `gradient` is zeroed. */
 sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
-                                 const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
-                                 int threads, sphm_context *context);
+                                 const sphm_real *y, const sphm_real *z, const sphm_real *relative_volume,
+                                 double radius_m, double volume_m3, int threads, sphm_context *context);
 /* The same of the same particles in another slot order; the eigenvalues stay. They are estimates that depend
  * a little on the order, and time steps on them: back ends estimate in one order and sweep in their own. */
 sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,

@@ -78,7 +78,7 @@ static sphm_status fill_model(sphm_model *model, const sphm_surface *mesh, sphm_
     model->fluid = fluid_constants(model);
     model->solid = sphm_solid_constants_from(parameters);
     for (int end = 0; end < 2; ++end)
-        model->ends[end] = sphm_end_block_from(parameters, &model->body, end, model->particle_mass_kg);
+        model->ends[end] = sphm_end_block_from(parameters, &model->body, end);
     return SPHM_OK;
 }
 
@@ -106,6 +106,7 @@ void sphm_model_rest_state(const sphm_model *model, sphm_state *s) {
         s->fibre_x[i] = (sphm_real)body->fibres[3 * i];
         s->fibre_y[i] = (sphm_real)body->fibres[3 * i + 1];
         s->fibre_z[i] = (sphm_real)body->fibres[3 * i + 2];
+        s->relative_volume[i] = (sphm_real)(body->volumes[i] / model->particle_volume_m3);
         s->attachment[i] = body->attachment[i];
         s->electrodes[i] = model->electrodes[i];
         s->membrane_potential[i] = model->membrane.resting_mV;

@@ -15,13 +15,14 @@ extern "C" {
 typedef struct sphm_model {
     sphm_parameters parameters;
     sphm_body body;
-    double frame_m[3]; /* state positions are relative to it: middle of the bounding box */
-    double particle_mass_kg, particle_volume_m3; /* equal for all particles */
-    uint8_t *electrodes;                         /* [count], bit e: in electrode e */
-    sphm_membrane_constants membrane;            /* kernels/membrane.h */
-    sphm_fluid_constants fluid;                  /* kernels/fluid.h */
-    sphm_solid_constants solid;                  /* kernels/solid.h */
-    sphm_end_block ends[2];                      /* kernels/end_block.h: origin, insertion */
+    double frame_m[3];       /* state positions are relative to it: middle of the bounding box */
+    double particle_mass_kg; /* mean, as the volume; of the fluid all are equal */
+    double particle_volume_m3;
+    uint8_t *electrodes;              /* [count], bit e: in electrode e */
+    sphm_membrane_constants membrane; /* kernels/membrane.h */
+    sphm_fluid_constants fluid;       /* kernels/fluid.h */
+    sphm_solid_constants solid;       /* kernels/solid.h */
+    sphm_end_block ends[2];           /* kernels/end_block.h: origin, insertion */
 } sphm_model;
 
 /* Checks the parameters, builds the body from `mesh` (NULL: the preset) and derives the constants. On a

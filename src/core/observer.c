@@ -24,7 +24,9 @@ static void copy_rest(sphm_observer *observer, const sphm_state *state) {
         observer->rest_m[3 * i] = state->rest_x[s];
         observer->rest_m[3 * i + 1] = state->rest_y[s];
         observer->rest_m[3 * i + 2] = state->rest_z[s];
-        observer->rest_volume_m3[i] = observer->model->particle_mass_kg / (double)state->rest_density[s];
+        observer->role[i].relative_volume = state->relative_volume[s];
+        observer->rest_volume_m3[i] = observer->model->particle_mass_kg * (double)state->relative_volume[s] /
+                                      (double)state->rest_density[s];
     }
     double sum[3] = {0, 0, 0};
     for (size_t i = 0; i < observer->count; ++i)

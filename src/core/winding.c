@@ -100,6 +100,57 @@ int sphm_winding_near(const sphm_winding *winding, const double q[3], double dis
     return 0;
 }
 
+/* Squared distance of q to the segment from a along e. */
+static double to_segment(const double a[3], const double e[3], const double q[3]) {
+    double r[3];
+    sphm_subtract3(q, a, r);
+    double length = sphm_dot3(e, e), along = length > 0 ? sphm_dot3(r, e) / length : 0;
+    along = fmin(fmax(along, 0), 1);
+    for (int k = 0; k < 3; k++)
+        r[k] -= along * e[k];
+    return sphm_dot3(r, r);
+}
+
+/* Squared distance of q to a triangle: to its plane where q is above it, else to the nearest side. */
+static double to_triangle(const double *corners, const double q[3]) {
+    double e[3][3], normal[3], r[3], out[3], best = INFINITY;
+    for (int c = 0; c < 3; c++)
+        sphm_subtract3(&corners[3 * ((c + 1) % 3)], &corners[3 * c], e[c]);
+    sphm_cross3(e[0], e[1], normal);
+    int above = sphm_dot3(normal, normal) > 0;
+    for (int c = 0; c < 3; c++) {
+        sphm_cross3(e[c], normal, out);
+        sphm_subtract3(q, &corners[3 * c], r);
+        above = above && sphm_dot3(out, r) <= 0;
+        best = fmin(best, to_segment(&corners[3 * c], e[c], q));
+    }
+    double height = sphm_dot3(normal, r);
+    return above ? height * height / sphm_dot3(normal, normal) : best;
+}
+
+double sphm_winding_distance(const sphm_winding *winding, const double q[3], double limit) {
+    int32_t stack[DEPTH_LIMIT];
+    int depth = 0;
+    double square = limit * limit, best = limit;
+    stack[depth++] = 0;
+    while (depth > 0) {
+        int32_t at = stack[--depth];
+        const node *n = &winding->nodes[at];
+        double reach = best + n->radius;
+        if (sphm_distance_squared3(n->centre, q) > reach * reach)
+            continue;
+        for (int32_t t = n->first; n->right == 0 && t < n->first + n->count; t++)
+            square = fmin(square, to_triangle(&winding->corners[9 * (size_t)t], q));
+        if (n->right == 0) {
+            best = sqrt(square);
+            continue;
+        }
+        stack[depth++] = n->right;
+        stack[depth++] = at + 1;
+    }
+    return best;
+}
+
 double sphm_winding_number_exact(const sphm_surface *surface, const double q[3]) {
     double corners[9], sum = 0;
     for (size_t t = 0; t < surface->triangle_count; t++) {

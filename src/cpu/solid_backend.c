@@ -121,7 +121,7 @@ static sphm_status build_operators(solid_backend *b, sphm_context *context) {
     sphm_status status =
         sphm_neighbours_build(&b->rows, &b->grid, s->x, s->y, s->z, s->count, radius, b->threads, context);
     if (status == SPHM_OK)
-        status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, radius,
+        status = sphm_gradient_create(&b->gradient, &b->rows, s->x, s->y, s->z, s->relative_volume, radius,
                                       b->model->particle_volume_m3, b->threads, context);
     if (status == SPHM_OK)
         status = follow_lattice(b, &lattice, context);
@@ -153,6 +153,7 @@ static void set_field(solid_backend *b) {
     f->fibre_y = s->fibre_y;
     f->fibre_z = s->fibre_z;
     f->activation = s->activation;
+    f->relative_volume = s->relative_volume;
     const sphm_real *motion[6] = {s->shift_x, s->shift_y, s->shift_z, s->vx, s->vy, s->vz};
     memcpy(f->shift, motion, sizeof f->shift);
     memcpy(f->velocity, motion + 3, sizeof f->velocity);

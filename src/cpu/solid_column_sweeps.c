@@ -56,7 +56,8 @@ SPHM_INLINE void sum_deformation(const sphm_solid_columns *columns, const sphm_s
 
 /* What goes into the material of a slice, and what comes out of it, lane by lane. */
 typedef struct slice_material {
-    sphm_real sum[18][LANES], constant[6][LANES], fibre[3][LANES], activation[LANES], fibre_rate[LANES];
+    sphm_real sum[18][LANES], constant[6][LANES], fibre[3][LANES], activation[LANES], fibre_rate[LANES],
+        relative_volume[LANES];
     sphm_real A[9][LANES], J[LANES], pressure[LANES], modulus[LANES];
 } slice_material;
 
@@ -90,7 +91,8 @@ SPHM_INLINE void evaluate_lane(const sphm_solid_tissue *tissue, sphm_real rate_s
     const sphm_real f0[3] = {m->fibre[0][i], m->fibre[1][i], m->fibre[2][i]};
     correct(sum, B, H);
     correct(sum + 9, B, rate);
-    sphm_solid_evaluate(tissue, H, rate, f0, m->activation[i], m->fibre_rate[i], rate_share, B, &result);
+    sphm_solid_evaluate(tissue, H, rate, f0, m->activation[i], m->fibre_rate[i], rate_share,
+                        m->relative_volume[i], B, &result);
     _Pragma("GCC unroll 9") for (int k = 0; k < 9; ++k) m->A[k][i] = result.A[k];
     m->J[i] = result.J;
     m->pressure[i] = result.pressure_Pa;
@@ -116,6 +118,7 @@ static void gather(const sphm_solid_field *field, const sphm_solid_columns *colu
     for (int d = 0; d < 3; ++d)
         *(sphm_lanes *)m->fibre[d] = sphm_lanes_load_some(fibre[d] + slot, lanes);
     *(sphm_lanes *)m->activation = sphm_lanes_load_some(field->activation + slot, lanes);
+    *(sphm_lanes *)m->relative_volume = sphm_lanes_load_some(field->relative_volume + slot, lanes);
     if (field->fibre_rate)
         *(sphm_lanes *)m->fibre_rate = sphm_lanes_load_some(field->fibre_rate + slot, lanes);
 }

@@ -61,7 +61,8 @@ static sphm_solid_mover mover_of(const sphm_model *model, double step_s) {
     return m;
 }
 
-static void move_free(const sphm_solid_mover *mover, const axis_arrays axis[3], size_t begin, size_t end) {
+static void move_free(const sphm_solid_mover *mover, const sphm_real *relative_volume,
+                      const axis_arrays axis[3], size_t begin, size_t end) {
     const sphm_solid_mover m = *mover;
     for (int d = 0; d < 3; ++d) {
         const axis_arrays a = axis[d];
@@ -69,7 +70,7 @@ static void move_free(const sphm_solid_mover *mover, const axis_arrays axis[3], 
 #pragma omp simd
         for (size_t i = begin; i < end; ++i) {
             sphm_real shift = a.shift[i], velocity = a.velocity[i];
-            sphm_solid_move_along(&m, gravity, a.force[i], &shift, &velocity);
+            sphm_solid_move_along(&m, m.kick / relative_volume[i], gravity, a.force[i], &shift, &velocity);
             a.shift[i] = shift;
             a.velocity[i] = velocity;
             a.position[i] = a.rest[i] + shift;
@@ -128,7 +129,7 @@ void sphm_solid_integrate(const sphm_model *model, sphm_state *state, sphm_real 
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (size_t block = 0; block < blocks; ++block) {
         const size_t begin = sphm_block_begin(block), end = sphm_block_end(block, state->count);
-        move_free(&mover, axis, begin, end);
+        move_free(&mover, state->relative_volume, axis, begin, end);
         carry_attached(state, axis, ends, attached->slot + attached->start[block],
                        attached->slot + attached->start[block + 1]);
         block_nonfinite[block] = first_nonfinite(axis, begin, end);

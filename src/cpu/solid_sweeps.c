@@ -84,7 +84,7 @@ typedef struct stress_batch {
     sphm_real displacement[16][LANES], velocity[16][LANES]; /* sums over the row */
     sphm_real own[16][LANES];                               /* `wide` lines */
     sphm_real stress[16][LANES];                            /* `stress` lines */
-    sphm_real fibre[3][LANES], activation[LANES], fibre_rate[LANES];
+    sphm_real fibre[3][LANES], activation[LANES], fibre_rate[LANES], relative_volume[LANES];
     sphm_real modulus[LANES], J[LANES], pressure[LANES];
 } stress_batch;
 
@@ -156,6 +156,7 @@ static void gather_batch(const sphm_solid_field *field, const sphm_solid_lines *
     memcpy(b->fibre[1], field->fibre_y + begin, bytes);
     memcpy(b->fibre[2], field->fibre_z + begin, bytes);
     memcpy(b->activation, field->activation + begin, bytes);
+    memcpy(b->relative_volume, field->relative_volume + begin, bytes);
     if (field->fibre_rate)
         memcpy(b->fibre_rate, field->fibre_rate + begin, bytes);
 }
@@ -217,7 +218,8 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
         H[d] = half_k * (H[d] + tau * rate[d]);
 #pragma GCC unroll 3
     for (int r = 0; r < 3; ++r) {
-        const sphm_real x = P[3 * r], y = P[3 * r + 1], z = P[3 * r + 2];
+        const sphm_real q = b->relative_volume[i], x = q * P[3 * r], y = q * P[3 * r + 1],
+                        z = q * P[3 * r + 2];
         b->stress[r][i] = x * B[0] + y * B[1] + z * B[2] - H[3 * r];
         b->stress[4 + r][i] = x * B[1] + y * B[3] + z * B[4] - H[3 * r + 1];
         b->stress[8 + r][i] = x * B[2] + y * B[4] + z * B[5] - H[3 * r + 2];

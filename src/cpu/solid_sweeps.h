@@ -53,6 +53,7 @@ typedef struct sphm_solid_lines {
 
 typedef struct sphm_solid_field {
     const sphm_real *fibre_x, *fibre_y, *fibre_z, *activation; /* [count] */
+    const sphm_real *relative_volume;                          /* [count] */
     const sphm_real *shift[3], *velocity[3]; /* [count] each, x, y, z: displacement (m), velocity (m/s) */
     sphm_real *density, *pressure;           /* [count], kg/m3 and Pa; written by the stress sweep */
     /* [count], 1/s, or NULL without force-velocity: the filtered rate of the fibres' stretch. The stress

@@ -24,17 +24,18 @@ typedef struct sphm_look_constants {
     double count; /* particles */
     double section_count[SPHM_SECTIONS], end_count[2];
     double rest_centre_m[3], axis[3], frame_m[3];
-    double particle_mass_kg;
+    double particle_mass_kg;                 /* mean */
     double resting_mV, electrical_Pa_per_mV; /* 0: the coupling is not through the pressure */
 } sphm_look_constants;
 
 /* What a particle belongs to. */
 typedef struct sphm_look_role {
-    uint8_t section;  /* 0 ... SPHM_SECTIONS - 1 */
-    uint8_t end;      /* 1: at the origin, 2: at the insertion, 0 */
-    uint8_t region;   /* SPHM_REGION_... */
-    uint8_t outer;    /* of the outermost layer */
-    uint8_t attached; /* to either end */
+    uint8_t section;           /* 0 ... SPHM_SECTIONS - 1 */
+    uint8_t end;               /* 1: at the origin, 2: at the insertion, 0 */
+    uint8_t region;            /* SPHM_REGION_... */
+    uint8_t outer;             /* of the outermost layer */
+    uint8_t attached;          /* to either end */
+    sphm_real relative_volume; /* at rest, over the mean; of the mass, too */
 } sphm_look_role;
 
 /* A particle as it is now. Lines of these lie in a device's memory: 12 numbers, three loads of 16 bytes. */
@@ -239,9 +240,10 @@ SPHM_FN void sphm_look_add_fields(const sphm_look_constants *c, const sphm_look_
     sphm_look_add_displacement(role, d, sums);
     if (role->region == SPHM_REGION_CENTRE)
         sums->radius_m += sphm_look_radius(c, shape, role->section, p->place_m);
-    sums->activation += (double)p->activation;
-    sums->volume_m3 += c->particle_mass_kg / (double)p->density_kg_per_m3;
-    sums->kinetic_J += 0.5 * c->particle_mass_kg * speed2;
+    const double mass_kg = c->particle_mass_kg * (double)role->relative_volume;
+    sums->activation += (double)(role->relative_volume * p->activation);
+    sums->volume_m3 += mass_kg / (double)p->density_kg_per_m3;
+    sums->kinetic_J += 0.5 * mass_kg * speed2;
     sums->region_mV[role->region] += (double)p->potential_mV;
     sums->region_Pa[role->region] += (double)p->pressure_Pa;
     sums->electrical_Pa += sphm_look_electrical_pressure(c, (double)p->potential_mV);

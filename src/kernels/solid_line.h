@@ -1,7 +1,7 @@
 /* From a particle's deformation to what its neighbours read of it (doc/solid.md):
- *     A = P B - k/2 (H + tau Hdot),   H = F - 1
- * with P the whole stress, viscosity included, B the particle's gradient correction, k and tau the stiffness
- * and damping time of the hourglass control. */
+ *     A = q P B - k/2 (H + tau Hdot),   H = F - 1
+ * with P the whole stress, viscosity included, q the particle's rest volume over the mean, B the particle's
+ * gradient correction, k and tau the stiffness and damping time of the hourglass control. */
 #ifndef SPHM_KERNELS_SOLID_LINE_H
 #define SPHM_KERNELS_SOLID_LINE_H
 
@@ -21,7 +21,8 @@ typedef struct sphm_solid_result {
  * xx, xy, xz, yy, yz, zz. */
 SPHM_FN void sphm_solid_evaluate(const sphm_solid_tissue *t, const sphm_real H[9], const sphm_real rate[9],
                                  const sphm_real f0[3], sphm_real activation, sphm_real fibre_rate,
-                                 sphm_real rate_share, const sphm_real b[6], sphm_solid_result *result) {
+                                 sphm_real rate_share, sphm_real relative_volume, const sphm_real b[6],
+                                 sphm_solid_result *result) {
     sphm_real F[9], P[9];
     sphm_fibre_stress fibre;
     for (int d = 0; d < 9; ++d)
@@ -37,6 +38,8 @@ SPHM_FN void sphm_solid_evaluate(const sphm_solid_tissue *t, const sphm_real H[9
     result->pressure_Pa = trace / (-3 * J) + t->constants.surface_Pa; /* of the tissue proper */
     result->modulus_Pa = sphm_solid_wave_modulus(F, J, f0, &fibre, &t->constants) +
                          t->constants.rate_stiffness_Pa * activation;
+    for (int d = 0; d < 9; ++d)
+        P[d] *= relative_volume;
     const sphm_real half_k = t->hourglass_Pa / 2, tau = t->hourglass_time_s;
     for (int r = 0; r < 9; r += 3) {
         result->A[r] = P[r] * b[0] + P[r + 1] * b[1] + P[r + 2] * b[2] - half_k * (H[r] + tau * rate[r]);

@@ -7,22 +7,24 @@
 
 /* Kick and drift of a free particle. */
 typedef struct sphm_solid_mover {
-    sphm_real kick;       /* step over inertia, s/kg */
+    sphm_real kick;       /* step over the mean inertia, s/kg */
     sphm_real keep;       /* what drag leaves of a velocity */
     sphm_real step;       /* s */
     sphm_real gravity[3]; /* step times gravity over mass scaling, m/s */
 } sphm_solid_mover;
 
-/* Along one axis. */
-SPHM_FN void sphm_solid_move_along(const sphm_solid_mover *m, sphm_real gravity, sphm_real force,
-                                   sphm_real *shift, sphm_real *velocity) {
-    *velocity = m->keep * *velocity + (m->kick * force + gravity);
+/* Along one axis. `kick` is the particle's own. */
+SPHM_FN void sphm_solid_move_along(const sphm_solid_mover *m, sphm_real kick, sphm_real gravity,
+                                   sphm_real force, sphm_real *shift, sphm_real *velocity) {
+    *velocity = m->keep * *velocity + (kick * force + gravity);
     *shift += m->step * *velocity;
 }
 
-SPHM_FN void sphm_solid_move(const sphm_solid_mover *m, const sphm_real force[3], sphm_real motion[8]) {
+SPHM_FN void sphm_solid_move(const sphm_solid_mover *m, sphm_real relative_volume, const sphm_real force[3],
+                             sphm_real motion[8]) {
+    const sphm_real kick = m->kick / relative_volume;
     for (int d = 0; d < 3; ++d)
-        sphm_solid_move_along(m, m->gravity[d], force[d], &motion[d], &motion[4 + d]);
+        sphm_solid_move_along(m, kick, m->gravity[d], force[d], &motion[d], &motion[4 + d]);
 }
 
 /* What moves an attached particle that is at X at rest (state positions, as the centre c):
