@@ -106,6 +106,7 @@ def relax(m, r, seconds=0.07, mean_over=0.02):
 def particle_rows(r, particles, law, alphas=ALPHAS, **more):
     m = belly(particles, "volume_free" if law.volume_free else "true_stretch", **more)
     lattice, rows = Lattice(m), []
+    mean = lambda field: np.average(field, weights=m.volumes)
     x = m.rest[:, 0]
     for alpha in alphas:
         m.activate(alpha)
@@ -120,8 +121,8 @@ def particle_rows(r, particles, law, alphas=ALPHAS, **more):
         rows.append({"count": m.count, "spacing": m.spacing, "plane": m.clamps()[1], "alpha": alpha,
                      "origin": origin, "force": insertion, "unrest": unrest,
                      "sections": [lattice.section_force(P, s) for s in SECTIONS],
-                     "mean_u": np.linalg.norm(u, axis=1).mean(), "bulge": bulge(m.rest, now, 0, MID),
-                     "pressure": pressure[free].sum() / m.count, "J": J.mean(),
+                     "mean_u": mean(np.linalg.norm(u, axis=1)), "bulge": bulge(m.rest, now, m.volumes, 0, MID),
+                     "pressure": mean(free * pressure), "J": mean(J),
                      "stretch": (np.linalg.norm(F[:, :, 0], axis=1).min(), np.linalg.norm(F[:, :, 0], axis=1).max())})
     return rows
 

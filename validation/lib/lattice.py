@@ -38,11 +38,11 @@ class Lattice:
         step = np.median(np.diff(layers))
         plane = layers[np.argmin(np.abs(layers - near))] + 0.5 * step
         amid = np.abs(self.rest[:, 0] - plane) < 2 * step
-        return m.particle_volume * P[amid, 0, 0].sum() / (4 * step)
+        return np.sum(m.volumes[amid] * P[amid, 0, 0]) / (4 * step)
 
 
-def bulge(rest, now, middle, width):
+def bulge(rest, now, volumes, middle, width):
     """Mean radius about the x axis over its rest value, minus one, in a section of Gaussian weight."""
-    weight = np.exp(-((rest[:, 0] - middle) / width) ** 2)
+    weight = volumes * np.exp(-((rest[:, 0] - middle) / width) ** 2)
     radius = lambda x: np.hypot(x[:, 1], x[:, 2])
     return np.sum(weight * radius(now)) / np.sum(weight * radius(rest)) - 1

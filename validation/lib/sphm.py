@@ -177,13 +177,13 @@ class Muscle:
         self.sections = np.array(body.clamp_m)  # x . axis
         self.origin, self.insertion = np.array(body.origin_m), np.array(body.insertion_m)
         self.rest = _array(body.positions, self.count, 3)
+        self.volumes = _array(body.volumes, self.count)
         self.fibres = _array(body.fibres, self.count, 3)
         self.axial_fraction = _array(body.axial_fraction, self.count)
         self.attachment = _array(body.attachment, self.count)
         self.region = _array(body.region, self.count)
         self.outer = _array(body.outer, self.count)
         self.isolated = body.isolated
-        self.particle_volume = self.volume / self.count
 
     def __del__(self):
         if getattr(self, "_handle", None):

@@ -59,6 +59,7 @@ class Turned:
     def __init__(self, shape, muscle):
         self.shape, self.muscle, self.count = shape, muscle, muscle.count
         self.attachment, self.region, self.layer = muscle.attachment, muscle.region, muscle.layer
+        self.volumes = muscle.volumes
         self.activate, self.advance = muscle.activate, muscle.advance
         self.rest = shape.here(muscle.rest)
         self.sections = muscle.sections - shape.turn[0] @ shape.middle
