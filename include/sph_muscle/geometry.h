@@ -46,7 +46,7 @@ enum { SPHM_REGION_ORIGIN = 0, SPHM_REGION_CENTRE = 1, SPHM_REGION_INSERTION = 2
 /* The muscle's rest shape as particles. Arrays are by particle id, 0 ... count - 1. */
 typedef struct sphm_body {
     size_t count;
-    double spacing_m;    /* of the filling, cube root of a cell; mass per particle = density volume / count */
+    double spacing_m;    /* of the filling, cube root of a cell */
     double step_m[3][3]; /* of the filling's lattice: from a site to the next in its directions, a row each */
     double layer_m; /* what a step is along the line of action; of a tilted line sqrt(sum (step . axis)^2) */
     double volume_m3;

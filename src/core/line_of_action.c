@@ -1,6 +1,5 @@
 /* The line of action and what follows from it. Reads the particles of a body, writes its axis, the shares
- * along it, attachments, regions and the mid-belly radius. All particles have the same volume, so shares by
- * volume are shares by number. */
+ * along it, attachments, regions and the mid-belly radius. */
 #include "core/line_of_action.h"
 #include "core/context.h"
 #include "core/surface.h"
@@ -140,15 +139,17 @@ static int compare_ranked(const void *a, const void *b) {
     return p->particle < q->particle ? -1 : p->particle > q->particle;
 }
 
-/* Particles level with each other share their mean rank: a lattice layer across the line of action is
- * attached as a whole or not at all. */
-static void share_ranks(sphm_body *body, const ranked *order) {
-    double count = (double)body->count, level = 1e-6 * body->spacing_m;
+/* Particles level with each other share the volume up to the middle of all of them: a lattice layer across
+ * the line of action is attached as a whole or not at all. */
+static void share_volume(sphm_body *body, const ranked *order) {
+    double below = 0, level = 1e-6 * body->spacing_m;
     for (size_t first = 0, next; first < body->count; first = next) {
-        for (next = first + 1; next < body->count && order[next].along - order[first].along < level;)
-            next++;
+        double layer = 0;
+        for (next = first; next < body->count && order[next].along - order[first].along < level; next++)
+            layer += body->volumes[order[next].particle];
         for (size_t r = first; r < next; r++)
-            body->axial_fraction[order[r].particle] = 0.5 * (double)(first + next) / count;
+            body->axial_fraction[order[r].particle] = (below + 0.5 * layer) / body->volume_m3;
+        below += layer;
     }
 }
 
@@ -207,7 +208,7 @@ sphm_status sphm_body_divide(sphm_body *body, const sphm_parameters *parameters,
         order[p].particle = p;
     }
     qsort(order, body->count, sizeof *order, compare_ranked);
-    share_ranks(body, order);
+    share_volume(body, order);
     sphm_status status = attach(body, parameters, whole, order, context);
     for (size_t p = 0; p < body->count; p++) {
         double share = body->axial_fraction[p];
@@ -236,8 +237,9 @@ void sphm_body_measure_section(sphm_body *body) {
     double layers = fmax(2, floor(0.05 * (upper - lower) / body->layer_m));
     double width = layers * body->layer_m, sum = 0;
     for (size_t p = 0; p < body->count; p++)
-        sum += fmax(0, 1 - fabs(sphm_dot3(&body->positions[3 * p], body->axis) - middle) / width);
-    double area = sum * body->volume_m3 / (double)body->count / width;
+        sum += body->volumes[p] *
+               fmax(0, 1 - fabs(sphm_dot3(&body->positions[3 * p], body->axis) - middle) / width);
+    double area = sum / width;
     body->mid_radius_m = sqrt(area / 3.14159265358979323846);
 }
 

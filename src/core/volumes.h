@@ -11,8 +11,7 @@ extern "C" {
 
 /* Writes body->volumes [count], m3: what lies inside and nearer to a particle than to any other, out to one
  * and a half lattice steps, such that they sum to body->volume_m3. Reads positions, outer, step_m and
- * volume_m3. `displaced`: particles do not lie on the lattice any more.
- */
+ * volume_m3. `displaced`: particles do not lie on the lattice any more. */
 sphm_status sphm_body_measure_volumes(sphm_body *body, const sphm_winding *winding, int displaced,
                                       int64_t threads, sphm_context *context);
 
