@@ -7,8 +7,9 @@
 #include <string.h>
 
 #include "core/context.h"
+#include "core/muscle.h"
+#include "core/solid_constants.h"
 #include "kernels/vector.h"
-#include "sph_muscle/muscle.h"
 
 #define MOST_PARTICLES 4000
 #define FIRST_GUESS_PA 3e5 /* Table 3; not the parameter: a file of the parameters in use gives the same */
@@ -40,14 +41,17 @@ static double pull_of(const sphm_muscle *muscle, const sphm_wrench *w) {
     return -sphm_dot3(w->force_N, sphm_muscle_body(muscle)->axis);
 }
 
-static sphm_status isometric_force(const sphm_parameters *p, const sphm_surface *mesh, double *force_N,
-                                   sphm_context *context) {
-    sphm_muscle *muscle = NULL;
+/* At rest with another fibre stress: filling the shape anew would take longer than the run. */
+static sphm_status reset_with(sphm_muscle *muscle, double stress_Pa, sphm_context *context) {
+    muscle->model.parameters.max_isometric_stress = stress_Pa;
+    muscle->model.solid = sphm_solid_constants_from(&muscle->model.parameters);
+    return sphm_muscle_reset(muscle, context);
+}
+
+static sphm_status isometric_force(sphm_muscle *muscle, double *force_N, sphm_context *context) {
     sphm_wrench w;
     memset(&w, 0, sizeof w);
-    sphm_status status = sphm_muscle_create(p, mesh, &muscle, context);
-    if (status == SPHM_OK)
-        status = sphm_muscle_activate(muscle, 1, 0, context);
+    sphm_status status = sphm_muscle_activate(muscle, 1, 0, context);
     double before = INFINITY;
     for (int k = 0; k < 12 && status == SPHM_OK; ++k) { /* until it stands still */
         status = sphm_muscle_advance(muscle, k ? 0.05 : 0.15, context);
@@ -58,27 +62,25 @@ static sphm_status isometric_force(const sphm_parameters *p, const sphm_surface 
             break;
         before = *force_N;
     }
-    sphm_muscle_destroy(muscle);
     return status;
 }
 
-sphm_status sphm_calibrate_isometric_stress(const sphm_parameters *parameters, const sphm_surface *mesh,
-                                            double *stress_Pa, sphm_context *context) {
-    sphm_parameters p = still(parameters);
+/* Runs until `stress` gives the target. */
+static sphm_status approach(sphm_muscle *muscle, double target, double *stress_Pa, sphm_context *context) {
     sphm_context quiet;
     memset(&quiet, 0, sizeof quiet);
-    const double target = parameters->max_isometric_force;
     double force = 0, stress = FIRST_GUESS_PA;
     for (int run = 0; run < MOST_RUNS && fabs(force - target) > TOLERANCE * target; ++run) {
         stress = force > 0 ? stress * target / force : stress;
-        p.max_isometric_stress = stress;
         if (!(stress <= MOST_PA))
             return sphm_fail(
                 context, SPHM_REFUSED_PARAMETER,
                 "max_isometric_force is %g N; this muscle would need a fibre stress of %g Pa, and "
                 "at most %g Pa are allowed",
                 target, stress, MOST_PA);
-        const sphm_status status = isometric_force(&p, mesh, &force, &quiet);
+        sphm_status status = reset_with(muscle, stress, &quiet);
+        if (status == SPHM_OK)
+            status = isometric_force(muscle, &force, &quiet);
         if (status != SPHM_OK || !(force > 0))
             return sphm_fail(
                 context, status < 0 || status == SPHM_OK ? SPHM_REFUSED_PARAMETER : status,
@@ -90,6 +92,24 @@ sphm_status sphm_calibrate_isometric_stress(const sphm_parameters *parameters, c
                          "max_isometric_force is %g N, but calibration ends at %g N with %g Pa", target,
                          force, stress);
     *stress_Pa = stress;
+    return SPHM_OK;
+}
+
+sphm_status sphm_calibrate_isometric_stress(const sphm_parameters *parameters, const sphm_surface *mesh,
+                                            double *stress_Pa, sphm_context *context) {
+    const sphm_parameters p = still(parameters);
+    const double target = parameters->max_isometric_force;
+    sphm_muscle *muscle = NULL;
+    sphm_context quiet;
+    memset(&quiet, 0, sizeof quiet);
+    sphm_status status = sphm_muscle_create(&p, mesh, &muscle, &quiet);
+    if (status != SPHM_OK)
+        return sphm_fail(context, status, "%s", quiet.message);
+    status = approach(muscle, target, stress_Pa, context);
+    sphm_muscle_destroy(muscle);
+    if (status != SPHM_OK)
+        return status;
+    const double stress = *stress_Pa;
     sphm_log(context, stress > UNUSUAL_PA ? SPHM_LOG_WARNING : SPHM_LOG_INFO,
              "max_isometric_force %g N takes max_isometric_stress %g Pa%s", target, stress,
              stress > UNUSUAL_PA ? ", more than the 0.6 MPa that muscle is known for" : "");
