@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <functional>
 #include <string>
 
 namespace {
@@ -33,6 +34,49 @@ TEST(EndBlock, HasMassAndInertiaOfItsParticles) {
     EXPECT_NEAR(block.point_m[0], 0.03, 1e-6);
     for (int i = 0; i < 9; ++i)
         EXPECT_NEAR(block.inertia_kg_m2[i], i % 4 ? 0 : 4 * mass * 0.015 * 0.015 / 6, 1e-12) << i;
+}
+
+// The same from the sums over the particles of a preset, which stand for unequal volumes.
+TEST(EndBlock, WeighsTheVolumesOfItsParticles) {
+    sphm_parameters p = sphm_parameters_default();
+    p.tissue = SPHM_TISSUE_SOLID;
+    p.particles = 900;
+    p.mass_scaling = 4;
+    const Muscle muscle = make(p);
+    const sphm_body &body = *sphm_muscle_body(muscle.get());
+    const double all_the_same = body.volume_m3 / double(body.count);
+    for (int end = 0; end < SPHM_END_COUNT; ++end) {
+        const sphm_end_block &block = muscle->model.ends[end];
+        const auto sum = [&](const std::function<double(const double *, double)> &of) {
+            double total = 0;
+            for (size_t i = 0; i < body.count; ++i)
+                if (body.attachment[i] ==
+                    (end == SPHM_END_ORIGIN ? SPHM_ATTACHED_ORIGIN : SPHM_ATTACHED_INSERTION))
+                    total += of(body.positions + 3 * i, p.density * body.volumes[i]);
+            return total;
+        };
+        const double mass = sum([](const double *, double m) { return m; });
+        EXPECT_NEAR(block.weight_kg, mass, 1e-9 * mass);
+        EXPECT_NEAR(block.inertia_kg, 4 * mass, 1e-9 * mass);
+        EXPECT_GT(std::fabs(mass / (p.density * all_the_same * block.particles) - 1), 0.01);
+        std::array<double, 3> centre;
+        for (size_t d = 0; d < 3; ++d) {
+            centre[d] = sum([&](const double *x, double m) { return m * x[d]; }) / mass;
+            EXPECT_NEAR(block.centre_m[d], centre[d], 1e-9);
+        }
+        const double of_cubes = mass * body.spacing_m * body.spacing_m / 6, scale = block.inertia_kg_m2[0];
+        for (size_t r = 0; r < 3; ++r)
+            for (size_t c = 0; c < 3; ++c) {
+                const double inertia = sum([&](const double *x, double m) {
+                    const double arm[3] = {x[0] - centre[0], x[1] - centre[1], x[2] - centre[2]};
+                    return m *
+                           (r == c ? arm[(r + 1) % 3] * arm[(r + 1) % 3] + arm[(r + 2) % 3] * arm[(r + 2) % 3]
+                                   : -arm[r] * arm[c]);
+                });
+                EXPECT_NEAR(block.inertia_kg_m2[3 * r + c], 4 * (inertia + (r == c ? of_cubes : 0)),
+                            1e-9 * scale);
+            }
+    }
 }
 
 // Euler's top without forces: angular momentum is kept to rounding, the energy to second order in the step,

@@ -33,8 +33,9 @@ std::vector<Vector> turned(std::vector<Vector> points) {
     return points;
 }
 
-std::unique_ptr<Scene> scene_of(const std::vector<Vector> &points, bool columns, int threads = 1) {
-    return std::make_unique<Scene>(points, kSpacing, std::pow(kSpacing, 3), 2.2, threads, columns);
+std::unique_ptr<Scene> scene_of(const std::vector<Vector> &points, bool columns, int threads = 1,
+                                const std::vector<double> &relative = {}) {
+    return std::make_unique<Scene>(points, kSpacing, std::pow(kSpacing, 3), 2.2, threads, columns, relative);
 }
 
 // The same motion of every particle whatever its slot: large, uneven, active, viscous.
@@ -97,7 +98,8 @@ void expect_the_same(const Results &a, const Results &b) {
 
 TEST(SolidColumns, SweepsAgreeWithThoseOverRows) {
     for (const auto &points : {piece(), turned(piece()), solid::block({0.03, 0.021, 0.048}, kSpacing)}) {
-        const auto with = scene_of(points, true), without = scene_of(points, false);
+        const std::vector<double> uneven = solid::uneven_volumes(points.size());
+        const auto with = scene_of(points, true, 1, uneven), without = scene_of(points, false, 1, uneven);
         ASSERT_NE(with->lines.columns.slice, nullptr);
         ASSERT_EQ(without->lines.columns.slice, nullptr);
         disturb(*with);

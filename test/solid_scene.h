@@ -63,9 +63,22 @@ inline std::vector<Vector> block(const Vector &size, double spacing, double jitt
     return fill(size, spacing, jitter, [](const Vector &) { return true; });
 }
 
+// As uneven as the particles beside a surface, without any order; 1 on the mean.
+inline std::vector<double> uneven_volumes(size_t count) {
+    std::mt19937 random(17);
+    std::uniform_real_distribution<double> uniform(0.4, 1.7);
+    std::vector<double> relative(count);
+    for (double &q : relative)
+        q = uniform(random);
+    const double mean = std::accumulate(relative.begin(), relative.end(), 0.0) / double(count);
+    for (double &q : relative)
+        q /= mean;
+    return relative;
+}
+
 struct Scene {
     size_t count = 0;
-    double spacing = 0, volume = 0, mass = 0;
+    double spacing = 0, volume = 0, mass = 0; // means
     std::vector<sphm_real> rest[3], fibre[3], shift[3], velocity[3], activation, density, pressure,
         relative_volume;
     std::vector<int32_t> particle; // the point of each slot
@@ -77,8 +90,9 @@ struct Scene {
     sphm_solid_lines lines{};
     sphm_solid_field field{};
 
+    // `relative`: of each point its volume over the mean, volume_m3; none: 1.
     Scene(const std::vector<Vector> &points, double spacing_m, double volume_m3, double ratio = 2.2,
-          int threads = 1, bool columns = true)
+          int threads = 1, bool columns = true, const std::vector<double> &relative = {})
         : count(points.size()), spacing(spacing_m), volume(volume_m3), mass(1112 * volume_m3) {
         std::vector<sphm_real> p[3];
         for (int d = 0; d < 3; ++d) {
@@ -92,7 +106,6 @@ struct Scene {
             field.velocity[d] = velocity[d].data();
         }
         activation.assign(count, 0);
-        relative_volume.assign(count, 1);
         held.assign(count, 0);
         std::vector<int32_t> id(count);
         std::iota(id.begin(), id.end(), 0);
@@ -109,6 +122,9 @@ struct Scene {
                 context);
         if (columns)
             follow_lattice();
+        relative_volume.assign(count, 1);
+        for (size_t slot = 0; slot < count && !relative.empty(); ++slot)
+            relative_volume[slot] = sphm_real(relative[size_t(particle[slot])]);
         require(sphm_gradient_create(&gradient, &rows, rest[0].data(), rest[1].data(), rest[2].data(),
                                      relative_volume.data(), ratio * spacing, volume, 1, &context),
                 context);
@@ -177,6 +193,7 @@ struct Scene {
     std::array<sphm_real, 3> force(size_t slot) const {
         return {lines.force[0][slot], lines.force[1][slot], lines.force[2][slot]};
     }
+    double mass_of(size_t slot) const { return mass * double(relative_volume[slot]); }
     Vector rest_at(size_t slot) const { return {rest[0][slot], rest[1][slot], rest[2][slot]}; }
 
     // Displacements u = (A - 1) X + t and velocities L X on every particle.
@@ -228,7 +245,7 @@ struct Scene {
                 continue;
             const Motion m = motion(slot);
             for (int d = 0; d < 3; ++d) {
-                m[4 + d] = sphm_real(keep * m[4 + d] + dt * force(slot)[d] / mass);
+                m[4 + d] = sphm_real(keep * m[4 + d] + dt * force(slot)[d] / mass_of(slot));
                 m[d] += sphm_real(dt) * m[4 + d];
             }
         }
@@ -247,7 +264,7 @@ struct Scene {
         double sum = 0;
         for (size_t slot = 0; slot < count; ++slot)
             for (int d = 4; d < 7; ++d)
-                sum += mass / 2 * motion(slot)[d] * motion(slot)[d];
+                sum += mass_of(slot) / 2 * motion(slot)[d] * motion(slot)[d];
         return sum;
     }
 };

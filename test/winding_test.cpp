@@ -1,6 +1,8 @@
 /* The generalized winding number: closed forms, and the tree against the plain sum. */
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <random>
 
 #include "core/winding.h"
@@ -85,6 +87,96 @@ TEST(Winding, NearIsNeverMissed) {
         away += !sphm_winding_near(w.tree, p, 0.25 * gap);
     }
     EXPECT_GT(away, 1000u);
+}
+
+using Point = std::array<double, 3>;
+
+Point along(const Point &a, const Point &b, double t) {
+    return {a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])};
+}
+double product(const Point &a, const Point &b, const Point &c, const Point &d) { /* (b - a) . (d - c) */
+    double sum = 0;
+    for (size_t k = 0; k < 3; k++)
+        sum += (b[k] - a[k]) * (d[k] - c[k]);
+    return sum;
+}
+double gap(const Point &a, const Point &b) {
+    return std::sqrt(product(a, b, a, b));
+}
+double to_segment(const Point &a, const Point &b, const Point &q) {
+    return gap(along(a, b, std::min(std::max(product(a, b, a, q) / product(a, b, a, b), 0.0), 1.0)), q);
+}
+
+/* The foot of the perpendicular is a + u (b - a) + v (c - a), by the normal equations; where it is no mixture
+ * of the corners, a side is nearest. */
+double to_triangle(const Point &a, const Point &b, const Point &c, const Point &q) {
+    double bb = product(a, b, a, b), bc = product(a, b, a, c), cc = product(a, c, a, c),
+           bq = product(a, b, a, q), cq = product(a, c, a, q), d = bb * cc - bc * bc;
+    double u = (bq * cc - cq * bc) / d, v = (cq * bb - bq * bc) / d;
+    if (u >= 0 && v >= 0 && u + v <= 1) {
+        Point foot = along(a, b, u);
+        for (size_t k = 0; k < 3; k++)
+            foot[k] += v * (c[k] - a[k]);
+        return gap(foot, q);
+    }
+    return std::min({to_segment(a, b, q), to_segment(b, c, q), to_segment(c, a, q)});
+}
+
+Point corner_of(const sphm_surface &s, size_t triangle, size_t corner) {
+    const double *x = &s.vertices[3 * (size_t)s.triangles[3 * triangle + corner]];
+    return {x[0], x[1], x[2]};
+}
+
+double to_surface(const sphm_surface &s, const Point &q) {
+    double nearest = INFINITY;
+    for (size_t t = 0; t < s.triangle_count; t++)
+        nearest =
+            std::min(nearest, to_triangle(corner_of(s, t, 0), corner_of(s, t, 1), corner_of(s, t, 2), q));
+    return nearest;
+}
+
+/* Anywhere, and close to faces, sides and corners, on either side of them. */
+std::vector<Point> points_about(const sphm_surface &s) {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<double> box(-1.5, 1.5), unit(0, 1);
+    std::vector<Point> points;
+    for (int i = 0; i < 800; i++) {
+        const size_t t = random() % s.triangle_count, c = random() % 3;
+        const Point a = corner_of(s, t, c), b = corner_of(s, t, (c + 1) % 3),
+                    side = along(a, b, unit(random)),
+                    face = along(side, corner_of(s, t, (c + 2) % 3), unit(random));
+        const Point beside[3] = {a, side, face};
+        Point q = i % 4 ? beside[i % 4 - 1] : Point{0, 0, 0};
+        for (double &x : q)
+            x += box(random) * (i % 4 ? 0.03 : 1);
+        points.push_back(q);
+    }
+    return points;
+}
+
+TEST(Winding, DistanceIsThatToTheNearestTriangle) {
+    shapes::Surface flat = shapes::sphere(1, 4), cube = shapes::cube(0.8), open = shapes::sphere(1, 4);
+    for (size_t v = 0; v < flat.surface.vertex_count; v++) /* slivers */
+        flat.surface.vertices[3 * v] *= 0.05;
+    open.keep([](const double x[3]) { return x[0] + 0.3 * x[1] < 0.5; });
+    for (const sphm_surface *s : {&flat.surface, &cube.surface, &open.surface}) {
+        Tree w(*s);
+        size_t within = 0, beyond = 0;
+        for (const Point &q : points_about(*s)) {
+            const double exact = to_surface(*s, q);
+            EXPECT_NEAR(sphm_winding_distance(w.tree, q.data(), 10), exact, 1e-12);
+            for (double limit : {0.02, 0.3}) {
+                const double found = sphm_winding_distance(w.tree, q.data(), limit);
+                if (exact < limit)
+                    EXPECT_NEAR(found, exact, 1e-12) << "limit " << limit;
+                else
+                    EXPECT_EQ(found, limit);
+                ++(exact < limit ? within : beyond);
+            }
+        }
+        EXPECT_GT(within, 300u);
+        EXPECT_GT(beyond, 300u);
+    }
 }
 
 TEST(Winding, RefusesNothing) {
