@@ -156,7 +156,8 @@ TEST_P(StronglyActivatedBelly, ComesToRest) {
     const Muscle muscle = make(p);
     sphm_context context{};
     ASSERT_EQ(sphm_muscle_activate(muscle.get(), 1, 0, &context), SPHM_OK) << context.message;
-    solid::proceed(muscle, 0.12);
+    solid::proceed(muscle,
+                   0.24); // a strip beside a clamp, symmetric up to rounding, buckles as late as 0.14 s
     sphm_particles particles{};
     ASSERT_EQ(sphm_muscle_particles(muscle.get(), &particles, &context), SPHM_OK) << context.message;
     double fastest = 0;

@@ -52,13 +52,41 @@ static int is_whole(const sampling *s, size_t i) {
            !sphm_winding_near(s->winding, &s->body->positions[3 * i], s->half_diagonal_m);
 }
 
-/* Whether a point relative to particle i is nearer to one of its neighbours. Most are; those left over are
- * asked about once more, of all particles. */
-static int is_beside(const double point[3], double (*neighbour)[3], const double *half_square, size_t count) {
-    for (size_t k = 0; k < count; k++)
-        if (sphm_dot3(point, neighbour[k]) > half_square[k])
-            return 1;
-    return 0;
+/* The particles nearest to one, relative to it. */
+typedef struct company {
+    size_t count;
+    double position[NEAREST][3], half_square[NEAREST];
+} company;
+
+static company company_of(const sampling *s, size_t i) {
+    company c;
+    int32_t found[NEAREST];
+    const double *middle = &s->body->positions[3 * i];
+    /* The first of the closest is the particle itself. */
+    c.count =
+        sphm_point_grid_closest(&s->grid, middle, 4 * s->half_diagonal_m, NEAREST, found, c.half_square) - 1;
+    for (size_t k = 0; k < c.count; k++) {
+        sphm_subtract3(&s->body->positions[3 * (size_t)found[k + 1]], middle, c.position[k]);
+        c.half_square[k] = 0.5 * sphm_dot3(c.position[k], c.position[k]);
+    }
+    return c;
+}
+
+/* A particle's share of a point relative to it: 1 where it is the nearest one, less where others are as near,
+ * as halfway between diagonal neighbours on a lattice. Most points are nearer to the particle's company;
+ * those left over are asked about once more, of all particles. */
+static double share_of(const sampling *s, const company *c, const double point[3], const double x[3]) {
+    const double level = 1e-9 * s->body->spacing_m * s->body->spacing_m;
+    int equals = 1;
+    for (size_t k = 0; k < c->count; k++) {
+        const double excess = sphm_dot3(point, c->position[k]) - c->half_square[k];
+        if (excess > level)
+            return 0;
+        equals += excess > -level;
+    }
+    const double *nearest = &s->body->positions[3 * sphm_point_grid_nearest(&s->grid, x)];
+    const double excess = sphm_dot3(point, point) - sphm_distance_squared3(nearest, x);
+    return excess > 2 * level ? 0 : 1.0 / equals;
 }
 
 /* Balls that no surface cuts are inside or outside as a whole: most small cells need no winding number of
@@ -116,23 +144,16 @@ static double share_inside(const sampling *s, const double x[3], balls *known) {
 /* In lattice cells. */
 static double measure(const sampling *s, size_t i) {
     const double *middle = &s->body->positions[3 * i];
-    int32_t found[NEAREST];
-    double half_square[NEAREST], neighbour[NEAREST][3], sum = 0;
-    size_t count =
-        sphm_point_grid_closest(&s->grid, middle, 4 * s->half_diagonal_m, NEAREST, found, half_square);
-    for (size_t k = 0; k < count; k++) {
-        sphm_subtract3(&s->body->positions[3 * (size_t)found[k]], middle, neighbour[k]);
-        half_square[k] *= 0.5;
-    }
+    const company c = company_of(s, i);
     balls known = {1, {grow_ball(s, middle, 1)}};
+    double sum = 0;
     for (size_t p = 0; p < s->count; p++) {
         double x[3];
         for (int d = 0; d < 3; d++)
             x[d] = middle[d] + s->points[p][d];
-        /* The first of the closest is the particle itself. */
-        if (!is_beside(s->points[p], neighbour + 1, half_square + 1, count - 1) &&
-            sphm_point_grid_nearest(&s->grid, x) == i)
-            sum += share_inside(s, x, &known);
+        const double share = share_of(s, &c, s->points[p], x);
+        if (share > 0)
+            sum += share * share_inside(s, x, &known);
     }
     return sum / (double)(s->fineness * s->fineness * s->fineness);
 }
