@@ -350,6 +350,31 @@ TEST(Volumes, GiveTheMomentsOfTheShape) {
         EXPECT_GT(sum[0][k], 3 * sum[1][k]) << k;
 }
 
+/* Points halfway between particles are shared alike: what stands for the two halves of a symmetric shape
+ * weighs the same. */
+TEST(Volumes, OfMirrorImagesAreTheSame) {
+    const Place place;
+    shapes::Surface s = ellipsoid_at(place);
+    for (int64_t particles : {700, 1400}) {
+        Body made(solid(particles), &s.surface);
+        ASSERT_EQ(made.status, SPHM_OK) << made.context.message;
+        const sphm_body &b = made.body;
+        size_t pairs = 0;
+        double worst = 0;
+        for (size_t i = 0; i < b.count; i++)
+            for (size_t j = 0; j < b.count; j++) {
+                const Vector x = place.from(&b.positions[3 * i]), y = place.from(&b.positions[3 * j]);
+                const Vector mirrored = {y[0], -y[1], y[2]};
+                if (sphm_distance_squared3(x.data(), mirrored.data()) > 1e-4 * b.spacing_m * b.spacing_m)
+                    continue;
+                worst = std::fmax(worst, std::fabs(b.volumes[i] - b.volumes[j]) / cell_of(b));
+                pairs++;
+            }
+        EXPECT_EQ(pairs, b.count);
+        EXPECT_LT(worst, 0.01);
+    }
+}
+
 /* Every point belongs to the nearest particle: of an ellipsoid, inside which is by formula. Points of an
  * additive sequence, evenly spread and in no step with the lattice. */
 std::vector<double> by_brute_force(const sphm_body &b, const Place &place, double points) {
