@@ -42,23 +42,9 @@ def equilibria(r, size, elongation, law, order, alphas):
     import snap
 
     body = snap.Body(fem.belly_mesh(size, 0.1 - PLANE, 0.1 + PLANE, elongation=elongation), law, order, quarter=True)
-    body.most_work = 450 * body.cells  # the finest mesh takes 387 linear systems
-    rows, now, step = [], 0.0, 0.03
-    for alpha in alphas:
-        while now < alpha - 1e-9:
-            goal = min(now + step, alpha)
-            try:
-                body.solve(alpha=goal, say=r.say)
-            except fem.NoSolution as end:
-                step /= 3
-                if step < 0.01 or body.tired():
-                    r.note(f"Finite elements of order {order}, {body.cells} tetrahedra of a quarter, "
-                           f"{'volume-free' if law.volume_free else 'true'} stretch: no equilibrium found above activation "
-                           f"{now:.3f} ({end}).")
-                    return rows
-                continue
-            now, step = goal, min(2 * step, 0.1)
-        rows.append({"size": size, "elongation": elongation, **fem_row(body, alpha)})
+    rows = [{"size": size, "elongation": elongation, **fem_row(body, alpha)} for alpha in snap.climb(body, alphas, r.say)]
+    if body.end:
+        r.note(f"{'Volume-free' if law.volume_free else 'True'} stretch, no equilibrium of finite elements of {body.end}.")
     return rows
 
 

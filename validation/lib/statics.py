@@ -10,8 +10,6 @@ import time
 
 import numpy as np
 
-MOST_SOLVES = 250  # of a linear system, after which a failed step is the last one
-
 
 # Parts of a case ------------------------------------------------------------------------------------------
 
@@ -52,30 +50,16 @@ def state(body, borders, alpha, seconds):
             "peak_pressure": float(np.abs(body.cell_pressures()).max()), "J": body.volume_ratio(), "seconds": seconds}
 
 
-def follow(say, mesh, order, law, levels, borders, **body_is):
-    """Equilibria at the levels that are reached, for Reference."""
+def follow(say, body, levels, borders):
+    """Equilibria of a snap.Body at the levels that are reached, for Reference."""
     import fem
+    import snap
 
     began = time.process_time()
-    body = fem.Body(mesh, law, order, **(body_is or {"half": True}))
     nodes, cells = fem.elements(body)
-    made = {"order": order, "planes": body.planes, "volume": body.volume, "nodes": nodes.tolist(), "cells": cells.tolist(),
-            "states": [], "end": None}
-    now, step = 0.0, 0.03
-    for level in levels:
-        while now < level - 1e-9:
-            goal = min(now + step, level)
-            try:
-                body.solve(alpha=goal, say=say)
-            except fem.NoSolution as end:
-                step /= 3
-                if step < 0.01 or body.solves > MOST_SOLVES:
-                    made["end"] = f"order {order}, {body.share * body.cells} tetrahedra: none above {now:.3f} ({end})"
-                    return made
-                continue
-            now, step = goal, min(2 * step, 0.1)
-        made["states"].append(state(body, borders, level, time.process_time() - began))
-    return made
+    states = [state(body, borders, level, time.process_time() - began) for level in snap.climb(body, levels, say)]
+    return {"order": body.order, "planes": body.planes, "volume": body.volume, "nodes": nodes.tolist(), "cells": cells.tolist(),
+            "states": states, "end": body.end}
 
 
 class Reference:

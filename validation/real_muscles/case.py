@@ -79,7 +79,8 @@ def mesh_and_follow(r, shape, order, about, elongation, law, levels):
     import snap
 
     nodes, cells, share = real_mesh.free_mesh(shape, HELD, about, elongation)
-    made = snap.follow(r.say, fem.mesh_of(nodes, cells), order, law, levels, (shape.section(0.2), shape.section(0.8)))
+    made = statics.follow(r.say, snap.Body(fem.mesh_of(nodes, cells), law, order), levels,
+                          (shape.section(0.2), shape.section(0.8)))
     return {**made, "share": share, "slabs": real_mesh.slabs(shape, HELD, nodes, cells),
             "flattest": real_mesh.flattest(nodes, cells, elongation)}
 

@@ -111,16 +111,20 @@ def measures(m, reference, state, particles):
 
 
 def mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels):
-    return statics.follow(r.say, preset.mesh(tetrahedra, preset.section(HELD), elongation), order, law, levels,
-                          (preset.section(0.2), preset.section(0.8)))
+    import snap
+
+    body = snap.Body(preset.mesh(tetrahedra, preset.section(HELD), elongation), law, order, half=True)
+    return statics.follow(r.say, body, levels, (preset.section(0.2), preset.section(0.8)))
 
 
 def reference(r, name, order, tetrahedra, elongation, coupling, levels):
     """Finite elements of a preset, held in the planes beyond which lie 10 % of the volume each, as a part of the case."""
+    import snap
+
     preset, law = presets.Preset(name), law_of(coupling)
     part = f"elements_{name}_{coupling}_p{order}_{tetrahedra}_{elongation}"
     made = statics.part(r, part, lambda: mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels), law,
-                        (mesh_and_follow, presets.Preset), shape=preset.shape, held=HELD, order=order, tetrahedra=tetrahedra,
+                        (snap, mesh_and_follow, presets.Preset), shape=preset.shape, held=HELD, order=order, tetrahedra=tetrahedra,
                         elongation=elongation, levels=levels)
     if made["end"]:
         r.note(f"{name}, {coupling}: no equilibrium of finite elements of {made['end']}.")
