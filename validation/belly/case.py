@@ -5,7 +5,7 @@ import sphm
 import statics
 from lattice import Lattice, bulge
 from material import Material
-from sphm import INSERTION, ORIGIN
+from sphm import ORIGIN
 
 TITLE = "A belly against finite elements"
 QUESTION = """A spindle of 0.20 m (mid half axes 25 and 18 mm, ends 6 mm, straight fibres along x) is held at both ends,
@@ -93,7 +93,6 @@ def particle_rows(r, particles, law, alphas=ALPHAS, **more):
     m = belly(particles, "volume_free" if law.volume_free else "true_stretch", **more)
     lattice, rows = Lattice(m), []
     mean = lambda field: np.average(field, weights=m.volumes)
-    x = m.rest[:, 0]
     for alpha in alphas:
         m.activate(alpha)
         (origin, insertion), unrest = relax(m, r)

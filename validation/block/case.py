@@ -84,7 +84,6 @@ def run(r):
     rows, errors = [], {}
     for case in cases:
         name, shape = case[:2]
-        along = 1 if case[4][1] else 0
         for spacing in spacings[shape]:
             force, free, actual = particles(r, case, spacing)
             reference, cells = finite_elements(r, case, free, sizes[shape])

@@ -6,7 +6,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import statics
 from material import Material
-from scipy.optimize import brentq
 from sphm import INSERTION
 
 spec = importlib.util.spec_from_file_location("belly", pathlib.Path(__file__).parents[1] / "belly" / "case.py")

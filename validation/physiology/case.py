@@ -1,7 +1,7 @@
 """Conduction velocity, twitch and tetanus."""
 import matplotlib.pyplot as plt
 import numpy as np
-from sphm import Muscle, settle
+from sphm import Muscle
 from waves import passage_times, speed, still
 
 TITLE = "Twitch, tetanus and conduction velocity"
