@@ -7,12 +7,8 @@
 #include <string.h>
 
 #include "core/context.h"
-#include "core/end_blocks.h"
+#include "core/solid_limits.h"
 #include "cuda/solid_inside.h"
-
-/* As on the CPU: share of the largest stable step that is taken. The limits are read after every submission,
- * and the fibres stiffen in between. */
-#define STEP_SHARE 0.8
 
 static sphm_solid_backend *inside(sphm_backend *backend) {
     return (sphm_solid_backend *)backend;
@@ -151,24 +147,9 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
     return sphm_solid_upload_state(b, context);
 }
 
-/* As src/cpu/solid_backend.c. */
 static sphm_time_step_limits limits(const sphm_backend *backend) {
     const sphm_solid_backend *b = look_inside(backend);
-    const sphm_parameters *p = &b->model->parameters;
-    const double density = p->density * p->mass_scaling;
-    const double eigenvalue = b->rest.gradient.gradient_eigenvalue,
-                 hourglass = b->rest.gradient.hourglass_eigenvalue;
-    double w2 = (b->modulus_Pa * eigenvalue + p->hourglass_stiffness * hourglass) / density;
-    for (int end = 0; end < SPHM_END_COUNT; ++end)
-        w2 += sphm_end_block_frequency2(&b->model->ends[end]);
-    const double c =
-        p->tissue_viscosity * (2 * eigenvalue + (p->hourglass_stiffness > 0 ? hourglass : 0)) / density;
-    sphm_time_step_limits l;
-    l.courant = l.diffusion = l.shape_matching = INFINITY;
-    l.acoustic = STEP_SHARE * 2 / sqrt(w2);
-    l.viscous = c > 0 ? STEP_SHARE * 2 / c : INFINITY;
-    l.smallest = STEP_SHARE * (sqrt(c * c + 4 * w2) - c) / w2;
-    return l;
+    return sphm_solid_limits(b->model, &b->rest.gradient, b->modulus_Pa);
 }
 
 const char *const sphm_solid_launch_names[SPHM_SOLID_LAUNCHES] = {

@@ -4,6 +4,7 @@
 #define SPHM_TEST_SOLID_SCENE_H
 
 #include "core/gradient.h"
+#include "core/solid_limits.h"
 #include "cpu/grid.h"
 #include "cpu/neighbours.h"
 #include "cpu/parallel.h"
@@ -224,16 +225,15 @@ struct Scene {
         return modulus;
     }
 
-    // The largest step at which the leap-frog is stable, from the gradient's eigenvalues.
+    // The largest step at which the leap-frog is stable, as the back ends count.
     double stable_step() const {
-        const double density = mass / volume;
-        const double square =
-            (stiffest() * gradient.gradient_eigenvalue + field.hourglass_Pa * gradient.hourglass_eigenvalue) /
-            density;
-        const double rate = (2 * field.viscosity_Pa_s * gradient.gradient_eigenvalue +
-                             field.hourglass_Pa * field.hourglass_time_s * gradient.hourglass_eigenvalue) /
-                            density;
-        return (std::sqrt(rate * rate + 4 * square) - rate) / square;
+        sphm_model model{};
+        model.parameters.density = mass / volume;
+        model.parameters.mass_scaling = 1;
+        model.parameters.bulk_modulus = field.constants.bulk_Pa;
+        model.parameters.tissue_viscosity = field.viscosity_Pa_s;
+        model.parameters.hourglass_stiffness = field.hourglass_Pa;
+        return sphm_solid_limits(&model, &gradient, stiffest()).smallest / SPHM_SOLID_STEP_SHARE;
     }
 
     // One step of free particles; held ones stay where they are. drag in 1/s.

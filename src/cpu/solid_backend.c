@@ -13,6 +13,7 @@
 #include "core/context.h"
 #include "core/end_blocks.h"
 #include "core/gradient.h"
+#include "core/solid_limits.h"
 #include "cpu/grid.h"
 #include "cpu/membrane.h"
 #include "cpu/neighbours.h"
@@ -21,10 +22,6 @@
 #include "cpu/solid_ends.h"
 #include "cpu/solid_sweeps.h"
 #include "kernels/vector.h"
-
-/* Share of the largest stable step that is taken: the limits are read every few steps, and the fibres stiffen
- * in between. */
-#define STEP_SHARE 0.8
 
 typedef struct solid_backend {
     const sphm_model *model;
@@ -374,28 +371,12 @@ static sphm_status restore(sphm_backend *backend, const sphm_state *from, sphm_c
     return status;
 }
 
-/* Leap-frog with a frequency w and a damping rate c (force -m w^2 u - m c v, the velocity half a step old) is
- * stable up to dt = (sqrt(c^2 + 4 w^2) - c)/w^2. w^2 is bounded by the stiffest particle times the largest
- * eigenvalue of the gradients, plus the hourglass forces'. */
 static sphm_time_step_limits limits(const sphm_backend *backend) {
     const solid_backend *b = look_inside(backend);
-    const sphm_parameters *p = &b->model->parameters;
-    const double density = p->density * p->mass_scaling;
     double modulus = 0;
     for (size_t block = 0; block < b->lines.blocks; ++block)
         modulus = fmax(modulus, b->lines.block_modulus_Pa[block]);
-    const double eigenvalue = b->gradient.gradient_eigenvalue, hourglass = b->gradient.hourglass_eigenvalue;
-    double w2 = (modulus * eigenvalue + p->hourglass_stiffness * hourglass) / density;
-    for (int end = 0; end < SPHM_END_COUNT; ++end)
-        w2 += sphm_end_block_frequency2(&b->model->ends[end]);
-    const double c =
-        p->tissue_viscosity * (2 * eigenvalue + (p->hourglass_stiffness > 0 ? hourglass : 0)) / density;
-    sphm_time_step_limits l;
-    l.courant = l.diffusion = l.shape_matching = INFINITY;
-    l.acoustic = STEP_SHARE * 2 / sqrt(w2);
-    l.viscous = c > 0 ? STEP_SHARE * 2 / c : INFINITY;
-    l.smallest = STEP_SHARE * (sqrt(c * c + 4 * w2) - c) / w2;
-    return l;
+    return sphm_solid_limits(b->model, &b->gradient, modulus);
 }
 
 static size_t memory_bytes(const solid_backend *b) {
