@@ -57,6 +57,17 @@ void command(const Muscle &muscle, uint64_t k) {
     }
 }
 
+double kinetic_energy(const Muscle &muscle) {
+    const sphm_state *s = sphm_muscle_state(muscle.get());
+    double sum = 0;
+    for (size_t i = 0; i < s->count; ++i) {
+        const double v[3] = {double(s->vx[i]), double(s->vy[i]), double(s->vz[i])};
+        sum += muscle->model.particle_mass_kg / 2 * double(s->relative_volume[i]) *
+               (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    }
+    return sum;
+}
+
 TEST(Robustness, RandomStimulationAndMotion) {
     const char *seconds = std::getenv("SPH_MUSCLE_ROBUSTNESS_S"),
                *file = std::getenv("SPH_MUSCLE_ROBUSTNESS_FILE");
@@ -79,16 +90,12 @@ TEST(Robustness, RandomStimulationAndMotion) {
         for (int part = 0; part < 20; ++part) {
             ASSERT_EQ(sphm_muscle_advance(muscle.get(), period_s / 20, &context), SPHM_OK) << context.message;
             const sphm_state *s = sphm_muscle_state(muscle.get());
-            double kinetic = 0;
             for (size_t i = 0; i < s->count; ++i) {
                 const double J = p.density / double(s->density[i]);
-                const double v[3] = {double(s->vx[i]), double(s->vy[i]), double(s->vz[i])};
                 period_J = std::fmin(period_J, J);
                 largest_J = std::fmax(largest_J, J);
-                kinetic += muscle->model.particle_mass_kg / 2 * double(s->relative_volume[i]) *
-                           (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
             }
-            energy_J = std::fmax(energy_J, kinetic);
+            energy_J = std::fmax(energy_J, kinetic_energy(muscle));
         }
         smallest_J = std::fmin(smallest_J, period_J);
         const sphm_observation o = observe(muscle);
@@ -126,6 +133,31 @@ TEST(Robustness, ACollapseStopsTheMuscle) {
         << context.message;
     ASSERT_EQ(sphm_muscle_reset(muscle.get(), &context), SPHM_OK);
     proceed(muscle, 0.001);
+}
+
+// Nothing is held and nothing damps: the particles at the tips, which see least of their surroundings, are
+// free to ring.
+TEST(Robustness, FreeTissueWithoutViscosityKeepsItsEnergy) {
+    for (const double hourglass_Pa : {0.0, 1e4}) {
+        sphm_parameters p = sphm_parameters_default();
+        p.preset = SPHM_PRESET_BELLY;
+        p.particles = 500;
+        p.threads = 1;
+        p.attachment_fraction = 0;
+        p.tissue_viscosity = 0;
+        p.hourglass_stiffness = hourglass_Pa;
+        const Muscle muscle = make(p);
+        const double middle[3] = {0, 0, 0}, pull_N[3] = {0, 0.1, 0.05};
+        sphm_context context{};
+        ASSERT_EQ(sphm_muscle_apply_force(muscle.get(), middle, pull_N, 0.01, 0.002, &context), SPHM_OK);
+        proceed(muscle, 0.002);
+        const double given_J = kinetic_energy(muscle);
+        for (int k = 0; k < 30; ++k) {
+            ASSERT_EQ(sphm_muscle_step(muscle.get(), 100, &context), SPHM_OK) << context.message;
+            EXPECT_LT(kinetic_energy(muscle), 1.05 * given_J) << sphm_muscle_steps(muscle.get());
+        }
+        EXPECT_GT(kinetic_energy(muscle), 0.1 * given_J);
+    }
 }
 
 } // namespace

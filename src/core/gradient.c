@@ -175,6 +175,65 @@ static void sweep_hourglass_adjoint(const sphm_gradient *gradient, const sphm_ne
         force[slot] = jumps[slot] - sum_of_both(gradient, rows, grad, slot) / 2;
 }
 
+/* Velocities u whose d-th component is minus the adjoint of the d-th component of the gradient at phi,
+ * against the particles' masses: [3 * count]. `flux`: q phi B, three rows of four lanes a particle, the last
+ * 0. */
+static void sweep_divergence_adjoint(const sphm_gradient *gradient, const sphm_neighbours *rows,
+                                     const sphm_real *relative_volume, const double *phi, int threads,
+                                     double *flux, double *u) {
+#pragma omp parallel num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
+    {
+#pragma omp for schedule(static)
+        for (size_t slot = 0; slot < gradient->count; ++slot)
+            for (size_t d = 0; d < 3; ++d) {
+                const double unit[3] = {d == 0, d == 1, d == 2};
+                apply_correction(gradient, slot, unit, flux + 12 * slot + 4 * d);
+                for (size_t c = 0; c < 3; ++c)
+                    flux[12 * slot + 4 * d + c] *= (double)relative_volume[slot] * phi[slot];
+                flux[12 * slot + 4 * d + 3] = 0;
+            }
+#pragma omp for schedule(static)
+        for (size_t slot = 0; slot < gradient->count; ++slot) {
+            const double *here = flux + 12 * slot;
+            double sum[4] = {0, 0, 0, 0};
+            for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
+                const sphm_real *pair = gradient->pair + 4 * k;
+                const double *there = flux + 12 * (size_t)rows->slot[k];
+                for (size_t d = 0; d < 4; ++d)
+                    sum[d] += (double)pair[0] * (here[d] + there[d]) +
+                              (double)pair[1] * (here[4 + d] + there[4 + d]) +
+                              (double)pair[2] * (here[8 + d] + there[8 + d]);
+            }
+            for (size_t d = 0; d < 3; ++d)
+                u[3 * slot + d] = sum[d] / (double)relative_volume[slot];
+        }
+    }
+}
+
+/* div u of every particle. */
+static void sweep_divergence(const sphm_gradient *gradient, const sphm_neighbours *rows, const double *u,
+                             int threads, double *divergence) {
+#pragma omp parallel for schedule(static)                                                                    \
+    num_threads(sphm_team_size(threads)) if (gradient->count > SPHM_SERIAL_BELOW)
+    for (size_t slot = 0; slot < gradient->count; ++slot) {
+        double sum[3][4] = {{0}}, g[3];
+        for (size_t k = rows->row_start[slot]; k < rows->row_start[slot + 1]; ++k) {
+            const sphm_real *pair = gradient->pair + 4 * k;
+            const double *there = u + 3 * (size_t)rows->slot[k], *here = u + 3 * slot;
+            for (size_t d = 0; d < 4; ++d) { /* four lanes; the last is nothing's */
+                sum[0][d] += (double)pair[d] * (there[0] - here[0]);
+                sum[1][d] += (double)pair[d] * (there[1] - here[1]);
+                sum[2][d] += (double)pair[d] * (there[2] - here[2]);
+            }
+        }
+        divergence[slot] = 0;
+        for (int c = 0; c < 3; ++c) {
+            apply_correction(gradient, slot, sum[c], g);
+            divergence[slot] += g[c];
+        }
+    }
+}
+
 /* sum q phi^2 */
 static double norm_of(const double *phi, const sphm_real *relative_volume, size_t n) {
     double sum = 0;
@@ -183,11 +242,37 @@ static double norm_of(const double *phi, const sphm_real *relative_volume, size_
     return sqrt(sum);
 }
 
-/* Largest eigenvalue by power iteration from a start that has no symmetry. `work`: 6 doubles a particle. */
+#define EIGENVALUE_WORK 17
+
+enum { GRADIENT, DIVERGENCE, HOURGLASS };
+
+/* One of the three forms applied to phi, but for its sign. Of the divergence phi is a divergence itself, and
+ * the form the divergence of its adjoint, which has the same eigenvalues. `work`: 15 doubles a particle. */
+static void apply_form(const sphm_gradient *gradient, const sphm_neighbours *rows,
+                       const sphm_real *relative_volume, int form, const double *phi, int threads,
+                       double *work, double *force) {
+    if (form == DIVERGENCE) {
+        double *u = work, *flux = work + 3 * gradient->count;
+        sweep_divergence_adjoint(gradient, rows, relative_volume, phi, threads, flux, u);
+        sweep_divergence(gradient, rows, u, threads, force);
+        return;
+    }
+    double *jumps = work, *grad = work + gradient->count;
+    sweep_gradient(gradient, rows, phi, threads, grad, jumps);
+    if (form == GRADIENT)
+        sweep_adjoint(gradient, rows, relative_volume, grad, threads, force);
+    else
+        sweep_hourglass_adjoint(gradient, rows, grad, jumps, threads, force);
+    for (size_t i = 0; i < gradient->count; ++i) /* a particle's mass goes with its volume */
+        force[i] /= (double)relative_volume[i];
+}
+
+/* Largest eigenvalue by power iteration from a start that has no symmetry. `work`: EIGENVALUE_WORK doubles a
+ * particle. */
 static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neighbours *rows,
-                                 const sphm_real *relative_volume, int hourglass, int threads, double *work) {
+                                 const sphm_real *relative_volume, int form, int threads, double *work) {
     const size_t n = gradient->count;
-    double *phi = work, *force = work + n, *jumps = work + 2 * n, *grad = work + 3 * n;
+    double *phi = work, *force = work + n;
     uint32_t random = 12345;
     for (size_t i = 0; i < n; ++i) {
         random = random * 1664525u + 1013904223u;
@@ -195,13 +280,7 @@ static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neigh
     }
     double eigenvalue = 0;
     for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
-        sweep_gradient(gradient, rows, phi, threads, grad, jumps);
-        if (hourglass)
-            sweep_hourglass_adjoint(gradient, rows, grad, jumps, threads, force);
-        else
-            sweep_adjoint(gradient, rows, relative_volume, grad, threads, force);
-        for (size_t i = 0; i < n; ++i) /* a particle's mass goes with its volume */
-            force[i] /= (double)relative_volume[i];
+        apply_form(gradient, rows, relative_volume, form, phi, threads, work + 2 * n, force);
         const double norm = norm_of(force, relative_volume, n);
         if (!(norm > 0))
             return 0;
@@ -219,7 +298,7 @@ static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows
     gradient->count = n;
     gradient->pair = (sphm_real *)aligned_alloc(128, bytes ? bytes : 128);
     gradient->correction = (sphm_real *)malloc((6 * n + 1) * sizeof(sphm_real));
-    *work = (double *)malloc((6 * n + 1) * sizeof(double));
+    *work = (double *)malloc((EIGENVALUE_WORK * n + 1) * sizeof(double));
     if (gradient->pair && gradient->correction && *work)
         return SPHM_OK;
     free(*work);
@@ -255,8 +334,10 @@ sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours 
     if (status != SPHM_OK)
         return status;
     build_rows(gradient, rows, x, y, z, radius_m, volume_m3, threads);
-    gradient->gradient_eigenvalue = largest_eigenvalue(gradient, rows, relative_volume, 0, threads, work);
-    gradient->hourglass_eigenvalue = largest_eigenvalue(gradient, rows, relative_volume, 1, threads, work);
+    double *const eigenvalue[] = {&gradient->gradient_eigenvalue, &gradient->divergence_eigenvalue,
+                                  &gradient->hourglass_eigenvalue};
+    for (int form = GRADIENT; form <= HOURGLASS; ++form)
+        *eigenvalue[form] = largest_eigenvalue(gradient, rows, relative_volume, form, threads, work);
     free(work);
     return SPHM_OK;
 }
@@ -273,6 +354,7 @@ sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours
     free(work);
     build_rows(&rebuilt, rows, x, y, z, radius_m, volume_m3, threads);
     rebuilt.gradient_eigenvalue = gradient->gradient_eigenvalue;
+    rebuilt.divergence_eigenvalue = gradient->divergence_eigenvalue;
     rebuilt.hourglass_eigenvalue = gradient->hourglass_eigenvalue;
     sphm_gradient_free(gradient);
     *gradient = rebuilt;

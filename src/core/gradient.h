@@ -25,9 +25,10 @@ typedef struct sphm_gradient {
     sphm_real *pair;       /* [4 * rows->row_start[count]]: w X, w Y, w Z (1/m), w (1/m2); 0 in the padding */
     sphm_real *correction; /* [6 * count], B: xx, xy, xz, yy, yz, zz */
     /* Largest eigenvalues over the particles, 1/m2, that bound every frequency of the tissue: of the sum of
-     * q |grad phi|^2, q a particle's relative volume, and of the hourglass energy's sum of w |phi_j - phi_i -
-     * grad phi_i . X_ij|^2 / 2. */
-    double gradient_eigenvalue, hourglass_eigenvalue;
+     * q |grad phi|^2, q a particle's relative volume, which is that of q |grad u|^2 of a vector field u; of
+     * the sum of q (div u)^2, up to twice as large at corners, where gradients are one-sided and their
+     * adjoints are not; and of the hourglass energy's sum of w |phi_j - phi_i - grad phi_i . X_ij|^2 / 2. */
+    double gradient_eigenvalue, divergence_eigenvalue, hourglass_eigenvalue;
     double neighbours_per_particle; /* mean */
     size_t
         regularised; /* particles whose neighbours lie (nearly) in a plane: their gradient misses the rest */
