@@ -79,8 +79,9 @@ def mesh_and_follow(r, shape, order, about, elongation, law, levels):
     import snap
 
     nodes, cells, share = real_mesh.free_mesh(shape, HELD, about, elongation)
-    made = statics.follow(r.say, snap.Body(fem.mesh_of(nodes, cells), law, order), levels,
-                          (shape.section(0.2), shape.section(0.8)))
+    body = snap.Body(fem.mesh_of(nodes, cells), law, order)
+    body.most_solves = 800000 // body.cells  # a snap of coarse ones takes 300, a solve of fine ones seconds
+    made = statics.follow(r.say, body, levels, (shape.section(0.2), shape.section(0.8)))
     return {**made, "share": share, "slabs": real_mesh.slabs(shape, HELD, nodes, cells),
             "flattest": real_mesh.flattest(nodes, cells, elongation)}
 
