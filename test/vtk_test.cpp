@@ -193,6 +193,9 @@ TEST_F(Vtk, ParticlesAndSurfaceOfAMuscle) {
         same("PointData/recovery", particles.recovery, 1);
         same("PointData/activation", particles.activation, 1);
         same("PointData/fibre_stretch", particles.fibre_stretch, 1);
+        const double *volumes = sphm_muscle_body(muscle)->volumes;
+        const std::vector<float> rest_volumes(volumes, volumes + n);
+        same("PointData/rest_volume_m3", rest_volumes.data(), 1);
         same("PointData/velocity_m_per_s", particles.velocity_m_per_s, 3);
         same("PointData/displacement_vector_m", particles.displacement_vector_m, 3);
         EXPECT_EQ(file.arrays["PointData/region"].bytes.size(), n);

@@ -30,7 +30,8 @@ static sphm_vtp_array vector(const char *name, size_t tuples, const float *data)
     return array(SPHM_VTP_POINT_DATA, name, SPHM_VTP_FLOAT32, 3, tuples, data);
 }
 
-static sphm_status write_particles(const sphm_particles *p, const sphm_body *body, const float *fibres,
+/* `rest`: [3 * count] fibres, then [count] volumes. */
+static sphm_status write_particles(const sphm_particles *p, const sphm_body *body, const float *rest,
                                    double time_s, const char *path, sphm_context *context) {
     size_t n = p->count;
     const sphm_vtp_array arrays[] = {
@@ -45,7 +46,8 @@ static sphm_status write_particles(const sphm_particles *p, const sphm_body *bod
         scalar("fibre_stretch", n, p->fibre_stretch),
         vector("velocity_m_per_s", n, p->velocity_m_per_s),
         vector("displacement_vector_m", n, p->displacement_vector_m),
-        vector("rest_fibre", n, fibres),
+        vector("rest_fibre", n, rest),
+        scalar("rest_volume_m3", n, rest + 3 * n),
         array(SPHM_VTP_POINT_DATA, "attachment", SPHM_VTP_UINT8, 1, n, body->attachment),
         array(SPHM_VTP_POINT_DATA, "region", SPHM_VTP_UINT8, 1, n, body->region),
         ramp(SPHM_VTP_VERTICES, "connectivity", n, 0, 1),
@@ -62,14 +64,16 @@ sphm_status sphm_io_write_particles_vtk(sphm_muscle *muscle, const char *path, s
     if (status != SPHM_OK)
         return status;
     const sphm_body *body = sphm_muscle_body(muscle);
-    float *fibres = malloc(3 * body->count * sizeof *fibres);
-    if (!fibres)
-        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the fibres of %zu particles",
+    float *rest = malloc(4 * body->count * sizeof *rest);
+    if (!rest)
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the rest shape of %zu particles",
                          body->count);
     for (size_t i = 0; i < 3 * body->count; i++)
-        fibres[i] = (float)body->fibres[i];
-    status = write_particles(&particles, body, fibres, sphm_muscle_time(muscle), path, context);
-    free(fibres);
+        rest[i] = (float)body->fibres[i];
+    for (size_t i = 0; i < body->count; i++)
+        rest[3 * body->count + i] = (float)body->volumes[i];
+    status = write_particles(&particles, body, rest, sphm_muscle_time(muscle), path, context);
+    free(rest);
     return status;
 }
 
