@@ -23,6 +23,7 @@ static sphm_parameters still(const sphm_parameters *parameters) {
     sphm_parameters p = *parameters;
     p.backend = SPHM_BACKEND_CPU; /* the same stress whatever computes the muscle */
     p.max_isometric_force = 0;
+    p.max_isometric_stress = FIRST_GUESS_PA;
     p.particles = p.particles < MOST_PARTICLES ? p.particles : MOST_PARTICLES;
     p.mass_scaling = 4;
     p.velocity_damping = 15;
@@ -65,11 +66,11 @@ static sphm_status isometric_force(sphm_muscle *muscle, double *force_N, sphm_co
     return status;
 }
 
-/* Runs until `stress` gives the target. */
+/* Runs until the stress gives the target, from that of the new muscle on. */
 static sphm_status approach(sphm_muscle *muscle, double target, double *stress_Pa, sphm_context *context) {
     sphm_context quiet;
     memset(&quiet, 0, sizeof quiet);
-    double force = 0, stress = FIRST_GUESS_PA;
+    double force = 0, stress = muscle->model.parameters.max_isometric_stress;
     for (int run = 0; run < MOST_RUNS && fabs(force - target) > TOLERANCE * target; ++run) {
         stress = force > 0 ? stress * target / force : stress;
         if (!(stress <= MOST_PA))
@@ -78,7 +79,7 @@ static sphm_status approach(sphm_muscle *muscle, double target, double *stress_P
                 "max_isometric_force is %g N; this muscle would need a fibre stress of %g Pa, and "
                 "at most %g Pa are allowed",
                 target, stress, MOST_PA);
-        sphm_status status = reset_with(muscle, stress, &quiet);
+        sphm_status status = run > 0 ? reset_with(muscle, stress, &quiet) : SPHM_OK;
         if (status == SPHM_OK)
             status = isometric_force(muscle, &force, &quiet);
         if (status != SPHM_OK || !(force > 0))
