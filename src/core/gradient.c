@@ -291,17 +291,14 @@ static double largest_eigenvalue(const sphm_gradient *gradient, const sphm_neigh
     return ESTIMATE_MARGIN * eigenvalue;
 }
 
-static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows, double **work,
-                            sphm_context *context) {
+static sphm_status allocate(sphm_gradient *gradient, const sphm_neighbours *rows, sphm_context *context) {
     const size_t n = rows->count, pairs = rows->row_start[n];
     const size_t bytes = (4 * pairs * sizeof(sphm_real) + 127) / 128 * 128;
     gradient->count = n;
     gradient->pair = (sphm_real *)aligned_alloc(128, bytes ? bytes : 128);
     gradient->correction = (sphm_real *)malloc((6 * n + 1) * sizeof(sphm_real));
-    *work = (double *)malloc((EIGENVALUE_WORK * n + 1) * sizeof(double));
-    if (gradient->pair && gradient->correction && *work)
+    if (gradient->pair && gradient->correction)
         return SPHM_OK;
-    free(*work);
     sphm_gradient_free(gradient);
     return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the gradients of %zu particles, %zu pairs",
                      n, pairs);
@@ -325,33 +322,42 @@ static void build_rows(sphm_gradient *gradient, const sphm_neighbours *rows, con
     gradient->neighbours_per_particle = rows->count ? (double)pairs / (double)rows->count : 0;
 }
 
-sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
-                                 const sphm_real *y, const sphm_real *z, const sphm_real *relative_volume,
-                                 double radius_m, double volume_m3, int threads, sphm_context *context) {
-    memset(gradient, 0, sizeof *gradient);
-    double *work;
-    const sphm_status status = allocate(gradient, rows, &work, context);
-    if (status != SPHM_OK)
-        return status;
-    build_rows(gradient, rows, x, y, z, radius_m, volume_m3, threads);
+static sphm_status estimate_eigenvalues(sphm_gradient *gradient, const sphm_neighbours *rows,
+                                        const sphm_real *relative_volume, int threads,
+                                        sphm_context *context) {
     double *const eigenvalue[] = {&gradient->gradient_eigenvalue, &gradient->divergence_eigenvalue,
                                   &gradient->hourglass_eigenvalue};
+    double *work = (double *)malloc((EIGENVALUE_WORK * gradient->count + 1) * sizeof *work);
+    if (!work) {
+        const size_t n = gradient->count;
+        sphm_gradient_free(gradient);
+        return sphm_fail(context, SPHM_REFUSED_MEMORY, "no memory for the eigenvalues of %zu particles", n);
+    }
     for (int form = GRADIENT; form <= HOURGLASS; ++form)
         *eigenvalue[form] = largest_eigenvalue(gradient, rows, relative_volume, form, threads, work);
     free(work);
     return SPHM_OK;
 }
 
+sphm_status sphm_gradient_create(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
+                                 const sphm_real *y, const sphm_real *z, const sphm_real *relative_volume,
+                                 double radius_m, double volume_m3, int threads, sphm_context *context) {
+    memset(gradient, 0, sizeof *gradient);
+    const sphm_status status = allocate(gradient, rows, context);
+    if (status != SPHM_OK)
+        return status;
+    build_rows(gradient, rows, x, y, z, radius_m, volume_m3, threads);
+    return estimate_eigenvalues(gradient, rows, relative_volume, threads, context);
+}
+
 sphm_status sphm_gradient_rebuild(sphm_gradient *gradient, const sphm_neighbours *rows, const sphm_real *x,
                                   const sphm_real *y, const sphm_real *z, double radius_m, double volume_m3,
                                   int threads, sphm_context *context) {
     sphm_gradient rebuilt;
-    double *work;
     memset(&rebuilt, 0, sizeof rebuilt);
-    const sphm_status status = allocate(&rebuilt, rows, &work, context);
+    const sphm_status status = allocate(&rebuilt, rows, context);
     if (status != SPHM_OK)
         return status;
-    free(work);
     build_rows(&rebuilt, rows, x, y, z, radius_m, volume_m3, threads);
     rebuilt.gradient_eigenvalue = gradient->gradient_eigenvalue;
     rebuilt.divergence_eigenvalue = gradient->divergence_eigenvalue;
