@@ -12,6 +12,7 @@
 #include "core/vec3.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* Small cells in a lattice step. Particles on the lattice are halfway to each other where small cells end. */
 #define FINENESS 4
@@ -27,7 +28,7 @@ typedef struct sampling {
     const sphm_body *body;
     const sphm_winding *winding;
     sphm_point_grid grid;
-    int fineness;
+    int displaced, fineness;
     double half_diagonal_m; /* of a lattice cell */
     size_t count;
     double (*points)[3]; /* [count], middles of the small cells, relative to a particle */
@@ -48,7 +49,7 @@ static void place_points(sampling *s) {
 
 /* A cell that no surface cuts, with a particle in the middle of each one beside it. */
 static int is_whole(const sampling *s, size_t i) {
-    return s->fineness == FINENESS && !s->body->outer[i] &&
+    return !s->displaced && !s->body->outer[i] &&
            !sphm_winding_near(s->winding, &s->body->positions[3 * i], s->half_diagonal_m);
 }
 
@@ -92,7 +93,8 @@ static double share_of(const sampling *s, const company *c, const double point[3
 /* Balls that no surface cuts are inside or outside as a whole: most small cells need no winding number of
  * their own. */
 typedef struct ball {
-    double centre[3], radius, inside; /* 1 or 0 */
+    double centre[3], radius;
+    int inside;
 } ball;
 
 typedef struct balls {
@@ -125,7 +127,8 @@ static const ball *ball_around(const balls *known, const double x[3], double *de
  * the plane is turned, a ramp as wide as the cube has the right mean and variance. */
 static double share_inside(const sampling *s, const double x[3], balls *known) {
     const double width = s->body->spacing_m / s->fineness;
-    double depth, inside;
+    double depth;
+    int inside;
     const ball *around = ball_around(known, x, &depth);
     if (around) {
         inside = around->inside;
@@ -138,7 +141,7 @@ static double share_inside(const sampling *s, const double x[3], balls *known) {
         depth = b.radius;
         inside = b.inside;
     }
-    return 0.5 + (inside > 0 ? 1 : -1) * fmin(depth / width, 0.5);
+    return 0.5 + (inside ? 1 : -1) * fmin(depth / width, 0.5);
 }
 
 /* In lattice cells. */
@@ -174,8 +177,13 @@ static void normalise(sphm_body *body) {
 
 sphm_status sphm_body_measure_volumes(sphm_body *body, const sphm_winding *winding, int displaced,
                                       int64_t threads, sphm_context *context) {
-    sampling s = {body, winding, {0}, displaced ? FINENESS_DISPLACED : FINENESS, 0, 0, NULL};
+    sampling s;
     double diagonal = 0;
+    memset(&s, 0, sizeof s);
+    s.body = body;
+    s.winding = winding;
+    s.displaced = displaced;
+    s.fineness = displaced ? FINENESS_DISPLACED : FINENESS;
     for (int a = 0; a < 3; a++)
         diagonal += sphm_dot3(body->step_m[a], body->step_m[a]);
     s.half_diagonal_m = 0.5 * sqrt(diagonal);

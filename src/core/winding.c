@@ -139,14 +139,14 @@ double sphm_winding_distance(const sphm_winding *winding, const double q[3], dou
         double reach = best + n->radius;
         if (sphm_distance_squared3(n->centre, q) > reach * reach)
             continue;
-        for (int32_t t = n->first; n->right == 0 && t < n->first + n->count; t++)
-            square = fmin(square, to_triangle(&winding->corners[9 * (size_t)t], q));
-        if (n->right == 0) {
-            best = sqrt(square);
+        if (n->right != 0) {
+            stack[depth++] = n->right;
+            stack[depth++] = at + 1;
             continue;
         }
-        stack[depth++] = n->right;
-        stack[depth++] = at + 1;
+        for (int32_t t = n->first; t < n->first + n->count; t++)
+            square = fmin(square, to_triangle(&winding->corners[9 * (size_t)t], q));
+        best = sqrt(square);
     }
     return best;
 }
