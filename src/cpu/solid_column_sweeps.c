@@ -4,8 +4,7 @@
 #include "cpu/parallel.h"
 #include "cpu/slice_lanes.h"
 #include "cpu/solid_columns.h"
-#include "cpu/solid_sweeps.h"
-#include "kernels/solid_line.h"
+#include "cpu/solid_material.h"
 
 enum { LANES = SPHM_LANES };
 
@@ -61,26 +60,6 @@ typedef struct slice_material {
     sphm_real A[9][LANES], J[LANES], pressure[LANES], modulus[LANES];
 } slice_material;
 
-/* H = S B of a symmetric B, with column c of S in sum[3 * c]. */
-SPHM_INLINE void correct(const sphm_real sum[9], const sphm_real B[6], sphm_real H[9]) {
-    _Pragma("GCC unroll 3") for (int r = 0; r < 3; ++r) {
-        const sphm_real x = sum[r], y = sum[3 + r], z = sum[6 + r];
-        H[3 * r] = x * B[0] + y * B[1] + z * B[2];
-        H[3 * r + 1] = x * B[1] + y * B[3] + z * B[4];
-        H[3 * r + 2] = x * B[2] + y * B[4] + z * B[5];
-    }
-}
-
-static sphm_solid_tissue tissue_of(const sphm_solid_field *field) {
-    sphm_solid_tissue t;
-    t.constants = field->constants;
-    t.viscosity_Pa_s = field->viscosity_Pa_s;
-    t.hourglass_Pa = field->hourglass_Pa;
-    t.hourglass_time_s = field->hourglass_time_s;
-    t.density_kg_per_m3 = field->density_kg_per_m3;
-    return t;
-}
-
 /* A function of its own: with these arrays in the loop's body gcc 12 does not vectorise it. */
 SPHM_INLINE void evaluate_lane(const sphm_solid_tissue *tissue, sphm_real rate_share, slice_material *m,
                                int i) {
@@ -89,8 +68,8 @@ SPHM_INLINE void evaluate_lane(const sphm_solid_tissue *tissue, sphm_real rate_s
     _Pragma("GCC unroll 18") for (int k = 0; k < 18; ++k) sum[k] = m->sum[k][i];
     _Pragma("GCC unroll 6") for (int k = 0; k < 6; ++k) B[k] = m->constant[k][i];
     const sphm_real f0[3] = {m->fibre[0][i], m->fibre[1][i], m->fibre[2][i]};
-    correct(sum, B, H);
-    correct(sum + 9, B, rate);
+    sphm_solid_correct_sums(sum, B, H);
+    sphm_solid_correct_sums(sum + 9, B, rate);
     sphm_solid_evaluate(tissue, H, rate, f0, m->activation[i], m->fibre_rate[i], rate_share,
                         m->relative_volume[i], B, &result);
     _Pragma("GCC unroll 9") for (int k = 0; k < 9; ++k) m->A[k][i] = result.A[k];
@@ -158,7 +137,7 @@ static void note_extremes(const sphm_solid_slice *slice, const slice_material *m
 
 static void stress_chunk(const sphm_solid_field *field, sphm_solid_lines *lines, size_t chunk) {
     const sphm_solid_columns *columns = &lines->columns;
-    const sphm_solid_tissue tissue = tissue_of(field);
+    const sphm_solid_tissue tissue = sphm_solid_tissue_of(field);
     slice_material m __attribute__((aligned(64)));
     memset(m.fibre_rate, 0, sizeof m.fibre_rate);
     double stiffest = 0;
@@ -209,8 +188,8 @@ void sphm_solid_columns_deformation(const sphm_solid_columns *columns, size_t sl
         sum[k] = sums.sum[k][slot - (size_t)slice->slot];
     for (int k = 0; k < 6; ++k)
         B[k] = columns->constant[k][slot];
-    correct(sum, B, H);
-    correct(sum + 9, B, rate);
+    sphm_solid_correct_sums(sum, B, H);
+    sphm_solid_correct_sums(sum + 9, B, rate);
 }
 
 /* Force sweep ------------------------------------------------------------------------------------------- */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "cpu/parallel.h"
+#include "cpu/solid_material.h"
 
 #ifdef __AVX512F__
 #include <immintrin.h>
@@ -161,26 +162,13 @@ static void gather_batch(const sphm_solid_field *field, const sphm_solid_lines *
         memcpy(b->fibre_rate, field->fibre_rate + begin, bytes);
 }
 
-/* H = S B of a symmetric B, with column c of S in sum[3 * c]. */
-static inline __attribute__((always_inline)) void correct(const sphm_real sum[9], const sphm_real B[6],
-                                                          sphm_real H[9]) {
-#pragma GCC unroll 3
-    for (int r = 0; r < 3; ++r) {
-        const sphm_real x = sum[r], y = sum[3 + r], z = sum[6 + r];
-        H[3 * r] = x * B[0] + y * B[1] + z * B[2];
-        H[3 * r + 1] = x * B[1] + y * B[3] + z * B[4];
-        H[3 * r + 2] = x * B[2] + y * B[4] + z * B[5];
-    }
-}
-
 /* The material at one particle: from the sums over its row to its line. `constant` is its column. */
-static inline __attribute__((always_inline)) void evaluate_particle(const sphm_solid_field *field,
-                                                                    const sphm_solid_constants *constants,
+static inline __attribute__((always_inline)) void evaluate_particle(const sphm_solid_tissue *tissue,
+                                                                    sphm_real rate_share,
                                                                     const sphm_real *constant, size_t stride,
                                                                     size_t i, stress_batch *b) {
-    const sphm_real k = field->hourglass_Pa, half_k = k / 2, tau = field->hourglass_time_s;
-    sphm_real sum[9], rate_sum[9], B[6], H[9], F[9], rate[9], P[9];
-    sphm_fibre_stress fibre;
+    sphm_real sum[9], rate_sum[9], B[6], H[9], rate[9];
+    sphm_solid_result result;
 #pragma GCC unroll 6
     for (int d = 0; d < 6; ++d)
         B[d] = constant[(size_t)d * stride + i];
@@ -193,50 +181,35 @@ static inline __attribute__((always_inline)) void evaluate_particle(const sphm_s
             rate_sum[3 * c + r] = b->velocity[4 * c + r][i] - b->own[12 + r][i] * total;
         }
     }
-    correct(sum, B, H);
-    correct(rate_sum, B, rate);
-#pragma GCC unroll 9
-    for (int d = 0; d < 9; ++d)
-        F[d] = H[d] + (sphm_real)(d % 4 == 0);
+    sphm_solid_correct_sums(sum, B, H);
+    sphm_solid_correct_sums(rate_sum, B, rate);
     const sphm_real f0[3] = {b->fibre[0][i], b->fibre[1][i], b->fibre[2][i]};
-    const sphm_real fibre_rate =
-        b->fibre_rate[i] + field->rate_share * (sphm_solid_stretch_rate(F, rate, f0) - b->fibre_rate[i]);
-    const sphm_real activation = b->activation[i] * sphm_solid_force_velocity(fibre_rate, constants);
-    const sphm_real J = sphm_solid_stress(F, f0, activation, constants, P, &fibre);
-    sphm_solid_add_viscous_stress(F, rate, field->viscosity_Pa_s, 1 / J, P);
-    sphm_real trace = 0; /* of P F^T = J sigma */
-#pragma GCC unroll 9
-    for (int d = 0; d < 9; ++d)
-        trace += P[d] * F[d];
-    b->J[i] = J;
-    b->pressure[i] = trace / (-3 * J) + constants->surface_Pa; /* of the tissue proper */
-    b->modulus[i] = sphm_solid_wave_modulus(F, J, f0, &fibre, constants) +
-                    constants->rate_stiffness_Pa * b->activation[i];
-    b->fibre_rate[i] = fibre_rate;
-#pragma GCC unroll 9
-    for (int d = 0; d < 9; ++d)
-        H[d] = half_k * (H[d] + tau * rate[d]);
+    sphm_solid_evaluate(tissue, H, rate, f0, b->activation[i], b->fibre_rate[i], rate_share,
+                        b->relative_volume[i], B, &result);
+    b->J[i] = result.J;
+    b->pressure[i] = result.pressure_Pa;
+    b->modulus[i] = result.modulus_Pa;
+    b->fibre_rate[i] = result.fibre_rate;
 #pragma GCC unroll 3
     for (int r = 0; r < 3; ++r) {
-        const sphm_real q = b->relative_volume[i], x = q * P[3 * r], y = q * P[3 * r + 1],
-                        z = q * P[3 * r + 2];
-        b->stress[r][i] = x * B[0] + y * B[1] + z * B[2] - H[3 * r];
-        b->stress[4 + r][i] = x * B[1] + y * B[3] + z * B[4] - H[3 * r + 1];
-        b->stress[8 + r][i] = x * B[2] + y * B[4] + z * B[5] - H[3 * r + 2];
-        b->stress[12 + r][i] = k * (b->own[r][i] + tau * b->own[12 + r][i]);
+#pragma GCC unroll 3
+        for (int c = 0; c < 3; ++c)
+            b->stress[4 * c + r][i] = result.A[3 * r + c];
+        b->stress[12 + r][i] =
+            tissue->hourglass_Pa * (b->own[r][i] + tissue->hourglass_time_s * b->own[12 + r][i]);
         b->stress[4 * r + 3][i] = b->own[4 * r + 3][i];
     }
 }
 
 static void evaluate_batch(const sphm_solid_field *field, const sphm_solid_lines *lines, size_t begin,
                            stress_batch *b) {
-    const sphm_solid_constants constants = field->constants;
-    const sphm_solid_field local = *field;
+    const sphm_solid_tissue tissue = sphm_solid_tissue_of(field);
+    const sphm_real rate_share = field->rate_share;
     const sphm_real *constant = lines->constant + begin;
     const size_t stride = lines->stride;
 #pragma omp simd
     for (size_t i = 0; i < LANES; ++i)
-        evaluate_particle(&local, &constants, constant, stride, i, b);
+        evaluate_particle(&tissue, rate_share, constant, stride, i, b);
 }
 
 static void store_batch(const sphm_solid_field *field, sphm_solid_lines *lines, size_t begin, size_t end,
@@ -326,8 +299,8 @@ void sphm_solid_deformation(const sphm_solid_lines *lines, size_t slot, sphm_rea
             rate_sum[3 * c + r] = velocity[4 * c + r] - lines->wide[SPHM_STRESS_LINE * slot + 12 + r] *
                                                             lines->constant[(6 + c) * lines->stride + slot];
         }
-    correct(sum, B, H);
-    correct(rate_sum, B, rate);
+    sphm_solid_correct_sums(sum, B, H);
+    sphm_solid_correct_sums(rate_sum, B, rate);
 }
 
 /* f_i/V = sum_j [(A_i + A_j) w X_ij + w k (u_j - u_i + tau (v_j - v_i))]: the line of j minus the line of i

@@ -43,7 +43,7 @@ typedef struct sphm_solid_lines {
     /* [9 * stride]: B (xx, xy, xz, yy, yz, zz), then sum_j w_ij X_ij, component by component */
     sphm_real *constant;
     sphm_real *wide; /* [16 * count]: u, X, u, Y, u, Z, v, 0, with the rest position X, Y, Z */
-    /* [16 * count]: the three columns of A = P B - k/2 (H + tau Hdot), each x, y, z, with H = F - 1, and
+    /* [16 * count]: the three columns of A = q P B - k/2 (H + tau Hdot), each x, y, z, with H = F - 1, and
      * after them X, Y, Z; then k (u + tau v), 0. k: hourglass stiffness, tau: hourglass damping time. */
     sphm_real *stress;
     sphm_real *force[3];      /* [count] each, x, y, z: N */
