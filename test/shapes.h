@@ -2,6 +2,8 @@
 #ifndef SPHM_TEST_SHAPES_H
 #define SPHM_TEST_SHAPES_H
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -106,6 +108,20 @@ struct Body {
     ~Body() { sphm_body_free(&body); }
     Body(const Body &) = delete;
 };
+
+/* The same bits whatever the number of threads. */
+inline void expect_threads_do_not_matter(sphm_parameters parameters) {
+    parameters.threads = 1;
+    const Body one(parameters);
+    parameters.threads = 3;
+    const Body three(parameters);
+    ASSERT_EQ(one.status, SPHM_OK) << one.context.message;
+    ASSERT_EQ(one.body.count, three.body.count);
+    const size_t size = one.body.count * sizeof(double);
+    EXPECT_EQ(std::memcmp(one.body.positions, three.body.positions, 3 * size), 0);
+    EXPECT_EQ(std::memcmp(one.body.fibres, three.body.fibres, 3 * size), 0);
+    EXPECT_EQ(std::memcmp(one.body.volumes, three.body.volumes, size), 0);
+}
 
 } // namespace shapes
 

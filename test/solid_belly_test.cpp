@@ -47,13 +47,8 @@ struct Belly {
         for (size_t slot = 0; slot < scene.count; ++slot) {
             if (std::fabs(scene.rest[0][slot] - x) > 2 * spacing)
                 continue;
-            sphm_real F[9], rate[9], P[9];
-            sphm_fibre_stress fibre;
-            const sphm_real f0[3] = {1, 0, 0};
-            sphm_solid_deformation(&scene.lines, slot, F, rate);
-            for (int d = 0; d < 9; d += 4)
-                F[d] += 1;
-            sphm_solid_stress(F, f0, scene.activation[slot], &scene.field.constants, P, &fibre);
+            sphm_real P[9], rate[9];
+            scene.stress(slot, P, rate);
             sum += scene.volume * P[0];
         }
         return sum / (4 * spacing);

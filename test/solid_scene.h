@@ -218,6 +218,17 @@ struct Scene {
         sphm_solid_force_sweep(&field, &lines);
     }
 
+    // P at a particle, without viscosity, of fibres along x; and the rate of F. At the last sweep.
+    void stress(size_t slot, sphm_real P[9], sphm_real rate[9]) const {
+        sphm_real F[9];
+        sphm_fibre_stress fibre_stress;
+        const sphm_real f0[3] = {1, 0, 0};
+        sphm_solid_deformation(&lines, slot, F, rate);
+        for (int d = 0; d < 9; d += 4)
+            F[d] += 1;
+        sphm_solid_stress(F, f0, activation[slot], &field.constants, P, &fibre_stress);
+    }
+
     double stiffest() const {
         double modulus = 0;
         for (size_t b = 0; b < lines.blocks; ++b)

@@ -225,13 +225,8 @@ TEST_P(OnFilling, PowerIsThatOfTheStress) {
     scene.sweep();
     double of_forces = 0, of_stress = 0, scale = 0;
     for (size_t slot = 0; slot < scene.count; ++slot) {
-        sphm_real F[9], rate[9], P[9];
-        sphm_fibre_stress fibre;
-        const sphm_real f0[3] = {1, 0, 0};
-        sphm_solid_deformation(&scene.lines, slot, F, rate);
-        for (int d = 0; d < 9; d += 4)
-            F[d] += 1;
-        sphm_solid_stress(F, f0, scene.activation[slot], &scene.field.constants, P, &fibre);
+        sphm_real P[9], rate[9];
+        scene.stress(slot, P, rate);
         for (int d = 0; d < 9; ++d) {
             const double power =
                 scene.volume * double(scene.relative_volume[slot]) * double(P[d]) * double(rate[d]);
