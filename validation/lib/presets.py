@@ -63,6 +63,13 @@ class Comparison:
         return u[self.free] - self.elements(state)
 
 
+def mean_pressures(muscle, pressure):
+    """Volume means of the free particles' pressure: of all, and by region."""
+    free = muscle.attachment == 0
+    mean = lambda where: np.average(pressure[where], weights=muscle.volumes[where])
+    return {"pressure": mean(free), "regions": [mean(free & (muscle.region == k)) for k in range(len(REGIONS))]}
+
+
 def rms(vectors):
     """Root mean square length."""
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=-1))))

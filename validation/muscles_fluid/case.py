@@ -70,9 +70,7 @@ def contracted(m):
         p = m.particles()
         samples.append((p["position_m"] - m.rest, p["pressure_Pa"], nearest(p["position_m"], m.spacing)))
     u, pressure = (np.mean([s[k] for s in samples], axis=0) for k in range(2))
-    free = m.attachment == 0
-    return {"u": u, "force": np.nan, "pressure": pressure[free].mean(), "nearest": min(s[2] for s in samples),
-            "regions": [pressure[free & (m.region == k)].mean() for k in range(3)]}
+    return {"u": u, "force": np.nan, "nearest": min(s[2] for s in samples), **presets.mean_pressures(m, pressure)}
 
 
 def compared(name, particles, plane, constants, made, state, **more):

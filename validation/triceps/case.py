@@ -53,8 +53,7 @@ def at_rest(m, alpha, wait=RELAX):
         p = m.particles()
         samples.append((p["position_m"] - m.rest, m.pull(), p["pressure_Pa"]))
     u, force, pressure = (np.mean([s[k] for s in samples], axis=0) for k in range(3))
-    free, mean = m.attachment == 0, lambda where: np.average(pressure[where], weights=m.volumes[where])
-    return {"alpha": alpha, "u": u, "force": force, "pressure": mean(free), "regions": [mean(free & (m.region == k)) for k in range(3)]}
+    return {"alpha": alpha, "u": u, "force": force, **presets.mean_pressures(m, pressure)}
 
 
 def staircase(r, m, levels, and_down):
