@@ -20,12 +20,12 @@ absolute and over the peak; and the mean displacement through 250 steps of 1 ms 
 LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5)
 JUDGED = (0.1, 0.3, 0.5)
 COUNTS = (2231, 4944, 9888, 18475)
-# Order, tetrahedra of the whole and their length along the fibres over that across: three of the paper's six sizes, and what
-# judges, the finest last.
-ELEMENTS = ((1, 1000, 1), (1, 5000, 1), (1, 20000, 1), (2, 5000, 1), (2, 1500, 8), (2, 5000, 8), (2, 15000, 8))
+# Order, tetrahedra of the whole and their length along the fibres over that across: the paper's six sizes, and what judges, the
+# finest last.
+ELEMENTS = (*((1, size, 1) for size in (1000, 2000, 5000, 10000, 20000, 40000)), (2, 5000, 1), (2, 1500, 8), (2, 5000, 8),
+            (2, 10000, 8), (2, 15000, 8))
 ELEMENTS_QUICK = ((1, 1000, 1), (2, 1500, 8))
 HELD = 0.9  # share of the volume below the upper held plane, and above the lower one
-CURVE_TO = 0.3  # activation of the contraction curves: above, fillings ran away as long as viscosity was not bounded
 # s at a level, up and down (activation falls with a time constant of 40 ms); end force and positions are means over the
 # last part of it. Three times as long changed the displacement by 0.1 % of the peak.
 RELAX, RELAX_DOWN, MEAN_OVER = 0.10, 0.25, 0.02
@@ -114,7 +114,23 @@ def mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels):
 
     body = snap.Body(preset.mesh(tetrahedra, preset.section(HELD), elongation), law, order, half=True)
     body.most_solves = 250  # the triceps' finest mesh has found nothing at 0.5 after 409
-    return statics.follow(r.say, body, levels, (preset.section(0.2), preset.section(0.8)))
+    made = statics.follow(r.say, body, levels, (preset.section(0.2), preset.section(0.8)))
+    return {**made, "down": returned(made["states"], descend(r.say, body, [s["alpha"] for s in made["states"]]))}
+
+
+def descend(say, body, levels):
+    """States of elements at the levels below the last one, on the way down from it; those that are reached, in the order of the
+    levels."""
+    import fem
+
+    down, body.most_solves = [], body.solves + 250
+    for alpha in reversed(levels[:-1]):
+        try:
+            body.solve(alpha, say=say)
+        except fem.NoSolution:
+            break
+        down.append({"u": body.points()[1], "force": body.end_force()[0], "alpha": alpha})
+    return down[::-1]
 
 
 def reference(r, name, order, tetrahedra, elongation, coupling, levels):
@@ -124,11 +140,13 @@ def reference(r, name, order, tetrahedra, elongation, coupling, levels):
     preset, law = presets.Preset(name), law_of(coupling)
     part = f"elements_{name}_{coupling}_p{order}_{tetrahedra}_{elongation}"
     made = statics.part(r, part, lambda: mesh_and_follow(r, preset, order, tetrahedra, elongation, law, levels), law,
-                        (snap, mesh_and_follow, presets.Preset), shape=preset.shape, held=HELD, order=order, tetrahedra=tetrahedra,
+                        (snap, mesh_and_follow, descend, returned, presets.Preset), shape=preset.shape, held=HELD, order=order, tetrahedra=tetrahedra,
                         elongation=elongation, levels=levels)
     if made["end"]:
         r.note(f"{name}, {coupling}: no equilibrium of finite elements of {made['end']}.")
-    return statics.Reference(made)
+    found = statics.Reference(made)
+    found.down = made["down"]
+    return found
 
 
 def elements(r, name, coupling):
@@ -154,6 +172,7 @@ def one(r, name, coupling, meshes, quick):
     counts = COUNTS[:1] if quick else COUNTS
     levels, plane = levels_of(quick), preset.section(HELD)
     for x in meshes:
+        tables["down"].append([name, coupling, x.kind, x.whole, *x.down])
         tables["elements"] += [[name, coupling, x.kind, x.whole, s["alpha"], s["force"], 1e3 * s["mean_u"], 1e3 * s["max_u"],
                                 s["pressure"], s["peak_pressure"], s["J"], s["seconds"]] for s in x.states]
     for count in counts:
@@ -183,8 +202,9 @@ def returned(up, down):
     """Positions at a level on the way down less those on the way up, root mean square and largest, and end forces: the worst
     level's, in per cent of the largest displacement and of the force."""
     worst = np.full(3, np.nan)
-    for a, b in zip(up, down):
-        off, peak = a["u"] - b["u"], np.linalg.norm(b["u"], axis=1).max()
+    for b in down:
+        a = next(x for x in up if x["alpha"] == b["alpha"])
+        off, peak = a["u"] - np.array(b["u"]), np.linalg.norm(b["u"], axis=1).max()
         here = [rms(off) / peak, np.linalg.norm(off, axis=1).max() / peak, abs(b["force"] / a["force"] - 1)]
         worst = np.fmax(worst, 100 * np.array(here))
     return worst.tolist()
@@ -212,14 +232,14 @@ def curve(r, name, coupling, m, meshes, levels, tables):
     """Figures 10 and 11: the particles' mean displacement, and that of the elements at the activation they have then."""
     reached = [statics.judge(meshes, a) for a in levels]
     known = [(s["alpha"], s["mean_u"]) for s in (b[1] for b in reached if b)]
-    for t, activation, mean in ramp(r, m, min(levels[-1], CURVE_TO)):
+    for t, activation, mean in ramp(r, m, levels[-1]):
         theirs = np.interp(activation, *zip(*known)) if known[0][0] <= activation <= known[-1][0] else np.nan
         tables["curves"].append([name, coupling, m.count, float(t), float(activation), 1e3 * mean, 1e3 * float(theirs)])
 
 
 # The case -------------------------------------------------------------------------------------------------
 
-KINDS = ("elements", "pairs", "judged", "regions", "curves", "return", "support", "reached")
+KINDS = ("elements", "down", "pairs", "judged", "regions", "curves", "return", "support", "reached")
 
 
 def run(r, name="triceps_long_head", coupling="true_stretch"):
@@ -264,6 +284,9 @@ COLUMNS = {
     "elements": ("Finite elements, half of the free part; processor time from the start, one thread.",
                  ["muscle", "coupling", "elements", "tetrahedra (whole)", "activation", "end force (N)", "mean displacement (mm)",
                   "largest (mm)", "mean pressure (Pa)", "peak pressure (Pa)", "J", "time (s)"]),
+    "down": ("The same at lower levels on the way down from the highest one that was reached, less those on the way up: positions "
+             "over the largest displacement, the worst level's.",
+             ["muscle", "coupling", "elements", "tetrahedra (whole)", "RMS difference (%)", "largest (%)", "end force (%)"]),
     "regions": ("RMSE by region and coordinate plane (Figures 8 and 9), against the same.",
                 ["muscle", "coupling", "particles", "activation", "region", "xy (mm)", "yz (mm)", "xz (mm)", "xy (% of the peak)",
                  "yz (%)", "xz (%)", "pressure, difference (Pa)"]),
@@ -317,4 +340,4 @@ def figures(r, tables, name, coupling):
     axes[1].set(xlabel="step (1 ms)", title="expansion")
     axes[0].legend(fontsize=7)
     r.figure("curves", figure, f"Figures 10 and 11 of the paper: mean displacement of the free part, {name}, {coupling}; activation "
-             f"rises to {CURVE_TO} in 250 steps and falls in 250.")
+             f"rises to {levels_of(r.quick)[-1]} in 250 steps and falls in 250.")
