@@ -223,6 +223,15 @@ TEST_F(Parameters, IgnoredSettingsAreWarnedAbout) {
     Set("pennation_angle", "12");
     EXPECT_EQ(sphm_parameters_check(&p, &context), SPHM_OK);
     EXPECT_NE(said.find("pennation_angle is ignored"), std::string::npos);
+    said.clear();
+    Set("pennation_angle", "0");
+    Set("jitter", "0.1");
+    EXPECT_EQ(sphm_parameters_check(&p, &context), SPHM_OK);
+    EXPECT_NE(said.find("jitter is 0.1: active solid tissue"), std::string::npos) << said;
+    said.clear();
+    Set("tissue", "fluid");
+    EXPECT_EQ(sphm_parameters_check(&p, &context), SPHM_OK);
+    EXPECT_EQ(said, "");
 }
 
 // Every double survives printing and reading; random bit patterns reach all exponents.
