@@ -72,6 +72,17 @@ class Shape:
         part = np.minimum((high - x) / self.cube + 0.5, (x - low) / self.cube + 0.5)
         return self.cube**3 * np.clip(part, 0, 1).sum()
 
+    def area(self, x):
+        """Of the section at x."""
+        return self.volume(x - 2 * self.cube, x + 2 * self.cube) / (4 * self.cube)
+
+    def about_knots(self, knots):
+        """Volume about each of some places along x, by hats as wide as the distance to the next ones; of the first and last one
+        what lies between them."""
+        x = self.points[:, 0]
+        x = x[(x > knots[0]) & (x < knots[-1])]
+        return np.array([self.cube**3 * np.interp(x, knots, row).sum() for row in np.eye(len(knots))])
+
     def section(self, share):
         """x below which lies this share of the volume."""
         whole, low, high = self.volume(-np.inf, np.inf), self.points[:, 0].min(), self.points[:, 0].max()
@@ -344,28 +355,58 @@ def flattest(nodes, cells, elongation):
 
 # The volume -------------------------------------------------------------------------------------------------
 
-def swollen(nodes, cells, volume):
-    """Nodes with the surface pushed outwards, alike everywhere and across x, until it encloses `volume`: flat faces cut corners.
-    What lies in the two end sections stays in them."""
+def fitted(nodes, cells, knots, shape):
+    """Nodes with the surface pushed outwards across x, by what varies linearly between `knots` along x, the first and last of
+    which are the end sections: until these have the shape's areas, and the rest its volume about every other knot. Flat faces
+    cut corners, and long ones cut off more in one section than they do in the next; what the ends pull goes with their areas."""
     normal, _ = surface_normals(nodes, cells)
     normal = unit(normal * (0, 1, 1))
-    more, by = 1e-3 * volume ** (1 / 3), 0.0
+    hats = np.array([np.interp(nodes[:, 0], knots, row) for row in np.eye(len(knots))])
+    pushed = lambda by: nodes + (by @ hats)[:, None] * normal
+    measured = lambda by: np.concatenate([end_areas(pushed(by), cells), about_knots(pushed(by), cells, knots)[1:-1]])
+    wanted = np.concatenate([[shape.area(knots[0]), shape.area(knots[-1])], shape.about_knots(knots)[1:-1]])
+    by, little = np.zeros(len(knots)), 1e-3 * volumes(nodes, cells).sum() ** (1 / 3)
     for _ in range(20):
-        now = volumes(nodes + by * normal, cells).sum()
-        if abs(now / volume - 1) < 1e-10:
+        now = measured(by)
+        if np.abs(now / wanted - 1).max() < 1e-6:
             break
-        by += (volume - now) * more / (volumes(nodes + (by + more) * normal, cells).sum() - now)
-    nodes = nodes + by * normal
-    if volumes(nodes, cells).min() <= 0:
-        raise ValueError(f"pushed out by {1e3 * by:.3g} mm, tetrahedra turn inside out")
-    return nodes
+        slope = np.stack([(measured(by + step) - now) / little for step in little * np.eye(len(knots))], 1)
+        by += np.linalg.solve(slope, wanted - now)
+    else:
+        raise ValueError(f"sections and volumes of the tetrahedra stay {np.abs(now / wanted - 1).max():.2g} off the shape's")
+    if volumes(pushed(by), cells).min() <= 0:
+        raise ValueError(f"pushed out by {1e3 * by.min():.3g} to {1e3 * by.max():.3g} mm, tetrahedra turn inside out")
+    return pushed(by)
+
+
+def end_areas(nodes, cells):
+    """Areas of the first and the last section."""
+    found, which, count = faces(cells)
+    rim, out = nodes[found[count[which] == 1]], []
+    low, high = nodes[:, 0].min(), nodes[:, 0].max()
+    for end in (low, high):
+        flat = rim[(np.abs(rim[:, :, 0] - end) < 1e-9 * (high - low)).all(1)]
+        out.append(np.abs(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])[:, 0]).sum() / 2)
+    return np.array(out)
+
+
+def spread(nodes, cells, samples=64):
+    """(x of points in the tetrahedra, volume of each)."""
+    x = nodes[cells][:, :, 0] @ np.random.default_rng(1).dirichlet(np.ones(4), samples).T
+    return x.ravel(), np.repeat(volumes(nodes, cells) / samples, samples)
+
+
+def about_knots(nodes, cells, knots):
+    """Volume of tetrahedra about each knot, by hats as wide as the distance to the next ones."""
+    x, volume = spread(nodes, cells)
+    return np.array([np.sum(volume * np.interp(x, knots, row)) for row in np.eye(len(knots))])
 
 
 # Of a muscle ----------------------------------------------------------------------------------------------
 
 def free_mesh(shape, held, about, elongation):
     """(nodes, tetrahedra of what lies between the held shares of the volume, about that many, what they had of its volume before
-    they were given all)."""
+    they were fitted to it)."""
     low, high = shape.section(held), shape.section(1 - held)
     volume = shape.volume(low, high)
     size = (volume / elongation / about * 12) ** (1 / 3)  # a lattice cell has twelve tetrahedra
@@ -373,14 +414,13 @@ def free_mesh(shape, held, about, elongation):
     lower, upper = np.array([low, *free.min(0)[1:] - size]), np.array([high, *free.max(0)[1:] + size])
     nodes, cells = tetrahedra(shape.inside, lower, upper, size, elongation)
     share = volumes(nodes, cells).sum() / volume
-    return swollen(nodes, cells, volume), cells, share
+    knots = np.linspace(low, high, max(2, round((high - low) / (size * elongation))) + 1)
+    return fitted(nodes, cells, knots, shape), cells, share
 
 
-def slabs(shape, held, nodes, cells, count=8, samples=64):
+def slabs(shape, held, nodes, cells, count=8):
     """Volume of tetrahedra less that of the shape, in slabs of the free part, in per cent; by points in each tetrahedron."""
-    bary = np.random.default_rng(1).dirichlet(np.ones(4), samples)
-    x = nodes[cells][:, :, 0] @ bary.T
-    share = np.broadcast_to(volumes(nodes, cells)[:, None] / samples, x.shape)
+    x, volume = spread(nodes, cells)
     borders = np.linspace(shape.section(held), shape.section(1 - held), count + 1)
-    ours, _ = np.histogram(x, borders, weights=share)
+    ours, _ = np.histogram(x, borders, weights=volume)
     return [100 * (v / shape.volume(a, b) - 1) for v, a, b in zip(ours, borders, borders[1:])]
