@@ -58,7 +58,7 @@ def _material(root, law, alpha):
 
 def _mesh(root, nodes, cells, sets):
     mesh = _add(root, "Mesh")
-    block = _add(mesh, "Nodes", name="belly")
+    block = _add(mesh, "Nodes", name="nodes")
     for k, x in enumerate(nodes):
         _add(block, "node", _list(x), id=k + 1)
     block = _add(mesh, "Elements", type=f"tet{cells.shape[1]}", name="free_part")
