@@ -212,7 +212,7 @@ TEST_F(Parameters, RulesBetweenParameters) {
     CheckRefused("surface_field_max");
 }
 
-TEST_F(Parameters, IgnoredSettingsAreWarnedAbout) {
+TEST_F(Parameters, DoubtfulSettingsAreWarnedAbout) {
     std::string said;
     context.user = &said;
     context.log = [](sphm_log_level, const char *text, void *user) {

@@ -70,8 +70,9 @@ static sphm_status check_fibres(const sphm_parameters *p, sphm_context *context)
 static sphm_status check_filling(const sphm_parameters *p, sphm_context *context) {
     if (p->tissue == SPHM_TISSUE_SOLID && p->jitter > 0)
         sphm_log(context, SPHM_LOG_WARNING,
-                 "jitter is %g: active solid tissue whose particles are displaced pulls less than its law "
-                 "says, 5 %% at 0.02 and a third at 0.1; 0 is right for forces",
+                 "jitter is %g: active solid tissue whose particles are displaced is weaker than its law, by "
+                 "a third "
+                 "or more at 0.1; 0 is right for forces",
                  p->jitter);
     return SPHM_OK;
 }

@@ -1,6 +1,7 @@
-"""Where a law has lost strong ellipticity in a state of finite elements: where some plane wave would not travel but grow, an
-acoustic tensor having an eigenvalue below 0. There solutions localise in layers as thin as the mesh has them, and meshes do not
-converge to one (Hill, J. Mech. Phys. Solids 10 (1962) 1)."""
+"""Where a law lets layers localise in a state of finite elements: where the acoustic tensor of some direction has an eigenvalue
+whose real part is below 0, so that a plane wave in that direction would grow instead of travel. Meshes do not converge to one
+solution there (Hill, J. Mech. Phys. Solids 10 (1962) 1). The fibre term on the true stretch has no energy, its tensors are not
+symmetric, and the condition for strong ellipticity, on their symmetric parts, is broken in twice as many points."""
 import numpy as np
 
 STEP = 1e-5  # of a deformation gradient
@@ -20,9 +21,9 @@ def directions(count):
     return np.stack([x, across * np.cos(turn), across * np.sin(turn)], 1)
 
 
-def is_lost(law, F, alpha, count=200):
-    """Whether an acoustic tensor Q_ik = dP_ij/dF_kl N_j N_l (its symmetric part) has an eigenvalue below 0 for one of `count`
-    directions N of the rest shape; F[n, 3, 3]. True where a cell is inverted, too."""
+def localises(law, F, alpha, count=200):
+    """Whether the acoustic tensor Q_ik = dP_ij/dF_kl N_j N_l of one of `count` directions N of the rest shape has an eigenvalue
+    with a real part below 0; F[n, 3, 3]. True where F is inverted, too."""
     whole = np.linalg.det(F) > 0
     F = np.where(whole[:, None, None], F, np.eye(3))
     slope = np.empty((len(F), 3, 3, 3, 3))
@@ -34,5 +35,5 @@ def is_lost(law, F, alpha, count=200):
     least = np.full(len(F), np.inf)
     for N in directions(count):
         Q = np.einsum("pijkl,j,l->pik", slope, N, N)
-        least = np.minimum(least, np.linalg.eigvalsh((Q + np.swapaxes(Q, 1, 2)) / 2)[:, 0])
+        least = np.minimum(least, np.linalg.eigvals(Q).real.min(1))
     return (least < 0) | ~whole

@@ -81,7 +81,7 @@ class Shape:
         what lies between them."""
         x = self.points[:, 0]
         x = x[(x > knots[0]) & (x < knots[-1])]
-        return np.array([self.cube**3 * np.interp(x, knots, row).sum() for row in np.eye(len(knots))])
+        return self.cube**3 * hats(x, knots).sum(1)
 
     def section(self, share):
         """x below which lies this share of the volume."""
@@ -357,23 +357,24 @@ def flattest(nodes, cells, elongation):
 
 def fitted(nodes, cells, knots, shape):
     """Nodes with the surface pushed outwards across x, by what varies linearly between `knots` along x, the first and last of
-    which are the end sections: until these have the shape's areas, and the rest its volume about every other knot. Flat faces
-    cut corners, and long ones cut off more in one section than they do in the next; what the ends pull goes with their areas."""
+    which are the end sections: until these have the shape's areas, and the rest its volume about each of the knots between them.
+    Flat faces cut corners, and long ones cut off more in one section than they do in the next; what the ends pull goes with
+    their areas."""
     normal, _ = surface_normals(nodes, cells)
     normal = unit(normal * (0, 1, 1))
-    hats = np.array([np.interp(nodes[:, 0], knots, row) for row in np.eye(len(knots))])
-    pushed = lambda by: nodes + (by @ hats)[:, None] * normal
+    pushed = lambda by: nodes + (by @ hats(nodes[:, 0], knots))[:, None] * normal
     measured = lambda by: np.concatenate([end_areas(pushed(by), cells), about_knots(pushed(by), cells, knots)[1:-1]])
     wanted = np.concatenate([[shape.area(knots[0]), shape.area(knots[-1])], shape.about_knots(knots)[1:-1]])
     by, little = np.zeros(len(knots)), 1e-3 * volumes(nodes, cells).sum() ** (1 / 3)
     for _ in range(20):
         now = measured(by)
-        if np.abs(now / wanted - 1).max() < 1e-6:
+        off = np.abs(now / wanted - 1).max()
+        if off < 1e-4:
             break
         slope = np.stack([(measured(by + step) - now) / little for step in little * np.eye(len(knots))], 1)
         by += np.linalg.solve(slope, wanted - now)
     else:
-        raise ValueError(f"sections and volumes of the tetrahedra stay {np.abs(now / wanted - 1).max():.2g} off the shape's")
+        raise ValueError(f"sections and volumes of the tetrahedra stay {off:.2g} off the shape's")
     if volumes(pushed(by), cells).min() <= 0:
         raise ValueError(f"pushed out by {1e3 * by.min():.3g} to {1e3 * by.max():.3g} mm, tetrahedra turn inside out")
     return pushed(by)
@@ -390,7 +391,12 @@ def end_areas(nodes, cells):
     return np.array(out)
 
 
-def spread(nodes, cells, samples=64):
+def hats(x, knots):
+    """[knots, places]: functions that are 1 at one knot, 0 at the others, and linear in between, at places x."""
+    return np.array([np.interp(x, knots, row) for row in np.eye(len(knots))])
+
+
+def sampled(nodes, cells, samples=64):
     """(x of points in the tetrahedra, volume of each)."""
     x = nodes[cells][:, :, 0] @ np.random.default_rng(1).dirichlet(np.ones(4), samples).T
     return x.ravel(), np.repeat(volumes(nodes, cells) / samples, samples)
@@ -398,8 +404,8 @@ def spread(nodes, cells, samples=64):
 
 def about_knots(nodes, cells, knots):
     """Volume of tetrahedra about each knot, by hats as wide as the distance to the next ones."""
-    x, volume = spread(nodes, cells)
-    return np.array([np.sum(volume * np.interp(x, knots, row)) for row in np.eye(len(knots))])
+    x, volume = sampled(nodes, cells)
+    return hats(x, knots) @ volume
 
 
 # Of a muscle ----------------------------------------------------------------------------------------------
@@ -420,7 +426,7 @@ def free_mesh(shape, held, about, elongation):
 
 def slabs(shape, held, nodes, cells, count=8):
     """Volume of tetrahedra less that of the shape, in slabs of the free part, in per cent; by points in each tetrahedron."""
-    x, volume = spread(nodes, cells)
+    x, volume = sampled(nodes, cells)
     borders = np.linspace(shape.section(held), shape.section(1 - held), count + 1)
     ours, _ = np.histogram(x, borders, weights=volume)
     return [100 * (v / shape.volume(a, b) - 1) for v, a, b in zip(ours, borders, borders[1:])]

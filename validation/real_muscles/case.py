@@ -28,13 +28,14 @@ FILES = {"triceps long head": "triceps_long_head_right_FMA37699.stl", "vastus la
 LEVELS = (0.1, 0.3, 0.5)
 COUNTS = (2231, 4944, 9888, 18475)
 # By law: order, tetrahedra, about, how much longer along x, and levels; the finest last. Nothing in Table 3 alone resists
-# fibres that shorten, so that strips whose fibres end at the surface snap, and a mesh may find no rest. At 0.5 those of 5,000
-# and more of the default law find none in 250 solves either.
-ELEMENTS = {"default law": ((2, 1500, 8, LEVELS), (2, 3000, 8, LEVELS), (2, 5000, 8, LEVELS[:2]), (2, 10000, 8, LEVELS[:2])),
+# fibres that shorten, so that strips whose fibres end at the surface snap, and a mesh may find no rest. (7,858 and 8,407 of the
+# default law, six times longer, found none at 0.3 and 0.5 in 250 solves.)
+ELEMENTS = {"default law": ((2, 1500, 8, LEVELS), (2, 3000, 8, LEVELS), (2, 5000, 8, LEVELS), (2, 10000, 8, LEVELS[:2])),
             "Table 3 alone": ((2, 1500, 8, LEVELS[:2]), (2, 5000, 8, LEVELS[:2]))}
 JUDGES = 5000  # tetrahedra of a mesh by which particles are judged; displacements of those of 1,500 are off by 3 to 10 %
-# Around the default of hourglass_stiffness, as in doc/solid.md: what the end force depends on it is the method's own spread.
-SPREAD = (5e3, 1.5e4)
+# Pa, around the default, as in doc/solid.md: by what the end force depends on it, the method's own spread, it may be 3 % off
+# instead of 2.
+HOURGLASS = (5e3, 1.5e4)
 QUICK_ELEMENTS = {"default law": ((2, 1500, 8, LEVELS[:2]),)}
 HELD = 0.1  # share of the volume beyond each section
 
@@ -84,7 +85,7 @@ def mesh_and_follow(r, shape, order, about, elongation, law, levels):
 
     nodes, cells, share = real_mesh.free_mesh(shape, HELD, about, elongation)
     body = snap.Body(fem.mesh_of(nodes, cells), law, order)
-    body.most_solves = 800000 // body.cells  # a snap of coarse ones takes 300, a solve of fine ones seconds
+    body.most_solves = 1500000 // body.cells  # a snap of coarse ones takes 300, a solve of fine ones seconds
     made = statics.follow(r.say, body, levels, (shape.section(0.2), shape.section(0.8)))
     return {**made, "share": share, "slabs": real_mesh.slabs(shape, HELD, nodes, cells),
             "flattest": real_mesh.flattest(nodes, cells, elongation)}
@@ -110,10 +111,12 @@ def elements(r, name, law, shape, meshes):
     return made
 
 
-def report_elements(r, name, law, made, tables):
+def report_elements(r, name, law, shape, made, tables):
     last = made[-1][0]
     for reference, part in made:
-        worst = float(max(part["slabs"], key=abs))
+        worst, between = float(max(part["slabs"], key=abs)), shape.volume(shape.section(HELD), shape.section(1 - HELD))
+        r.check(f"{name}, {law}, {reference.whole} tetrahedra: volume less the shape's", 100 * (part["volume"] / between - 1),
+                below=1)
         if reference is last and law != "Table 3 alone":  # whose meshes are the same
             r.check(f"{name}, {reference.whole} tetrahedra: volume less the shape's, worst of {len(part['slabs'])} slabs", worst,
                     below=6 if r.quick else 3)  # what coarse ones lack in one slab they have in the next
@@ -157,7 +160,7 @@ def particles(r, name, law, shape, made, counts):
             if count == counts[0] and alpha == 0.3:
                 shown = [(1e3 * x).tolist() for x in (turned.rest, state["u"])]
             if count == counts[-1] and is_judged(references, alpha):
-                tables["spread"].append(spread(r, name, law, shape, count, state))
+                tables["spread"] += spread(r, name, law, shape, count, state)
     return tables, shown
 
 
@@ -167,14 +170,20 @@ def is_judged(references, alpha):
 
 
 def spread(r, name, law, shape, count, state):
-    """End forces with more and with less hourglass stiffness, in per cent above that with the default's."""
-    off = []
-    for stiffness in SPREAD:
+    """End forces with less and with more hourglass stiffness, in per cent above that with the default's: a row, or none where
+    one is refused."""
+    off, alpha = [], state["alpha"]
+    for stiffness in HOURGLASS:
         turned = filled(shape, count, passive_compressive_stiffness=compressive(law), hourglass_stiffness=stiffness)
-        force = triceps.at_rest(turned, state["alpha"])["force"]
-        r.say(f"{name}, {law}, activation {state['alpha']}, hourglass stiffness {stiffness:g} Pa: {force:.2f} N")
+        try:
+            force = triceps.at_rest(turned, alpha)["force"]
+        except sphm.Refused as end:
+            r.note(f"{name}, {law}, {turned.count} particles, hourglass stiffness {stiffness:g} Pa, stopped at activation "
+                   f"{alpha}: {end}")
+            return []
+        r.say(f"{name}, {law}, activation {alpha}, hourglass stiffness {stiffness:g} Pa: {force:.2f} N")
         off.append(100 * (force / state["force"] - 1))
-    return [name, law, turned.count, state["alpha"], *off, off[1] - off[0]]
+    return [[name, law, turned.count, alpha, *off, float(np.ptp(off))]]
 
 
 def compare(name, law, turned, references, state, tables):
@@ -201,7 +210,7 @@ def run(r):
         shape = real_mesh.Shape(folder() / file)
         for law, meshes in (QUICK_ELEMENTS if r.quick else ELEMENTS).items():
             made = elements(r, name, law, shape, meshes)
-            report_elements(r, name, law, made, tables)
+            report_elements(r, name, law, shape, made, tables)
             found, moved = r.part(f"particles_{key(name, law)}",
                                   lambda: particles(r, name, law, shape, made, COUNTS[:1] if r.quick else COUNTS))
             shown.setdefault(name, moved)
@@ -225,13 +234,13 @@ def judge(r, name, law, tables, levels):
         rows = [x for x in tables["judged"] if x[:2] == [name, law] and x[3] == alpha]
         last = next((x for x in rows if x[2] == most), None)
         if last is None or not (r.quick or last[10] >= JUDGES):
-            r.note(f"{what}: not judged, for no mesh of {JUDGES} tetrahedra or more has an equilibrium there.")
+            r.note(f"{what}: not judged, for no equilibrium of {JUDGES} tetrahedra or more was found there.")
             continue
         judged += 1
-        own = [x[6] for x in tables["spread"] if x[:2] == [name, law] and x[3] == alpha]
+        own = max([x[6] for x in tables["spread"] if x[:2] == [name, law] and x[3] == alpha], default=0)
         r.check(f"{what}: displacement RMSE over the peak", last[5], below=3 * loose)
         r.check(f"{what}: mean pressure, difference over the peak", last[7], below=3 * loose)
-        r.check(f"{what}: end force", last[8], below=(3 if own and own[0] > 2 else 2) * loose)
+        r.check(f"{what}: end force", last[8], below=(3 if own > 2 else 2) * loose)
         if len(rows) > 1:
             r.check(f"{name}, {law}, activation {alpha}: RMSE of the most particles over that of the fewest",
                     last[4] / rows[0][4], below=1, unit="times")
@@ -252,8 +261,9 @@ COLUMNS = {
     "regions": ("RMSE by region and plane (x along the line of action), against the same as in the first table.",
                 ["muscle", "law", "particles", "activation", "region", "xy (mm)", "yz (mm)", "xz (mm)",
                  "pressure, difference (Pa)"]),
-    "spread": (f"End force with hourglass stiffnesses of {SPREAD[0]:g} and {SPREAD[1]:g} Pa, above that with the default's, and what "
-               "lies between them: the method's own spread. Where it is more than 2 %, the end force may be 3 % off instead of 2.",
+    "spread": (f"End force with hourglass stiffnesses of {HOURGLASS[0]:g} and {HOURGLASS[1]:g} Pa, above that with the default's, "
+               "and what lies between them: the method's own spread. Where it is more than 2 %, the end force may be 3 % off "
+               "instead of 2.",
                ["muscle", "law", "particles", "activation", "less (%)", "more (%)", "spread (%)"]),
     "held": ("Where the library clamps the particles, from the middle of the line of action, and how far outside the sections in "
              "which the elements are held that is, in layers.",
