@@ -5,9 +5,9 @@ import presets
 from material import Material
 
 TITLE = "Input files for FEBio"
-QUESTION = """The models of the cases belly, triceps and vastus are written as .feb files (material "muscle material", the same
-meshes of linear and of quadratic tetrahedra, the same conditions; the fibre law on the volume-free stretch, the only one that
-FEBio has) for users of FEBio. Read back, are they the models that were solved here: meshes, held nodes, material law? The forces
+QUESTION = """The belly and both presets, meshed and held as in the cases belly, triceps and vastus, are written as .feb files
+(material "muscle material", linear and quadratic tetrahedra, the fibre law on the volume-free stretch, the only one that FEBio
+has) for users of FEBio. Read back, are they the models that were solved here: meshes, held nodes, material law? The forces
 by which to compare are those of dolfinx on the same meshes."""
 
 ALPHA = 0.3
