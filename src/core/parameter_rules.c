@@ -71,8 +71,7 @@ static sphm_status check_filling(const sphm_parameters *p, sphm_context *context
     if (p->tissue == SPHM_TISSUE_SOLID && p->jitter > 0)
         sphm_log(context, SPHM_LOG_WARNING,
                  "jitter is %g: active solid tissue whose particles are displaced is weaker than its law, by "
-                 "a third "
-                 "or more at 0.1; 0 is right for forces",
+                 "a third or more at 0.1; 0 is right for forces",
                  p->jitter);
     return SPHM_OK;
 }

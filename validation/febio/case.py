@@ -13,7 +13,6 @@ by which to compare are those of dolfinx on the same meshes."""
 ALPHA = 0.3
 BELLY_SIZES = (0.012, 0.008, 0.0055)
 PRESET_MESHES = ((1, 5000, 1), (2, 1500, 8), (2, 5000, 8))  # of validation/triceps: order, tetrahedra, longer along x
-HELD = 0.9
 
 
 def models(quick):
@@ -26,7 +25,7 @@ def models(quick):
     for name in list(presets.SHAPES)[:1] if quick else presets.SHAPES:
         preset = presets.Preset(name)
         for order, tetrahedra, elongation in PRESET_MESHES[1:2] if quick else PRESET_MESHES:
-            yield name, preset.mesh(tetrahedra, preset.section(HELD), elongation), order, {"half": True}
+            yield name, preset.mesh(tetrahedra, preset.section(presets.HELD), elongation), order, {"half": True}
 
 
 def model(r, name, mesh, order, part):

@@ -6,6 +6,8 @@ SHAPES = {
     "triceps_long_head": dict(length=0.2632, width=0.042, thickness=0.029, end=0.007, bow=0.012, exponent=1.776),
     "vastus_lateralis": dict(length=0.4427, width=0.0765, thickness=0.035, end=0.007, bow=0.015, exponent=2.130)}
 
+HELD = 0.9  # share of the volume below the upper held plane, and above the lower one
+
 
 class Preset:
     """Volume and sections of a preset; x = 0 in its middle, as in the library."""

@@ -362,8 +362,9 @@ def fitted(nodes, cells, knots, shape):
     their areas."""
     normal, _ = surface_normals(nodes, cells)
     normal = unit(normal * (0, 1, 1))
-    pushed = lambda by: nodes + (by @ hats(nodes[:, 0], knots))[:, None] * normal
-    measured = lambda by: np.concatenate([end_areas(pushed(by), cells), about_knots(pushed(by), cells, knots)[1:-1]])
+    along, ends, parts = hats(nodes[:, 0], knots), end_faces(nodes, cells), parts_about(nodes, cells, knots)  # x stays
+    pushed = lambda by: nodes + (by @ along)[:, None] * normal
+    measured = lambda by: np.concatenate([areas_across(pushed(by), ends), (parts @ volumes(pushed(by), cells))[1:-1]])
     wanted = np.concatenate([[shape.area(knots[0]), shape.area(knots[-1])], shape.about_knots(knots)[1:-1]])
     by, little = np.zeros(len(knots)), 1e-3 * volumes(nodes, cells).sum() ** (1 / 3)
     for _ in range(20):
@@ -380,15 +381,17 @@ def fitted(nodes, cells, knots, shape):
     return pushed(by)
 
 
-def end_areas(nodes, cells):
-    """Areas of the first and the last section."""
+def end_faces(nodes, cells):
+    """Faces in the first and in the last section."""
     found, which, count = faces(cells)
-    rim, out = nodes[found[count[which] == 1]], []
-    low, high = nodes[:, 0].min(), nodes[:, 0].max()
-    for end in (low, high):
-        flat = rim[(np.abs(rim[:, :, 0] - end) < 1e-9 * (high - low)).all(1)]
-        out.append(np.abs(np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])[:, 0]).sum() / 2)
-    return np.array(out)
+    rim, low, high = found[count[which] == 1], nodes[:, 0].min(), nodes[:, 0].max()
+    return [rim[(np.abs(nodes[rim][:, :, 0] - end) < 1e-9 * (high - low)).all(1)] for end in (low, high)]
+
+
+def areas_across(nodes, sections):
+    """Areas across x of lists of faces."""
+    corners = [nodes[flat] for flat in sections]
+    return np.array([np.abs(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])[:, 0]).sum() / 2 for x in corners])
 
 
 def hats(x, knots):
@@ -397,15 +400,14 @@ def hats(x, knots):
 
 
 def sampled(nodes, cells, samples=64):
-    """(x of points in the tetrahedra, volume of each)."""
-    x = nodes[cells][:, :, 0] @ np.random.default_rng(1).dirichlet(np.ones(4), samples).T
-    return x.ravel(), np.repeat(volumes(nodes, cells) / samples, samples)
+    """[cells, samples]: x of points in the tetrahedra."""
+    return nodes[cells][:, :, 0] @ np.random.default_rng(1).dirichlet(np.ones(4), samples).T
 
 
-def about_knots(nodes, cells, knots):
-    """Volume of tetrahedra about each knot, by hats as wide as the distance to the next ones."""
-    x, volume = sampled(nodes, cells)
-    return hats(x, knots) @ volume
+def parts_about(nodes, cells, knots):
+    """[knots, cells]: the part of each tetrahedron's volume that counts to a knot, by hats as wide as the distance to the next."""
+    x = sampled(nodes, cells)
+    return hats(x.ravel(), knots).reshape(len(knots), *x.shape).mean(2)
 
 
 # Of a muscle ----------------------------------------------------------------------------------------------
@@ -426,7 +428,8 @@ def free_mesh(shape, held, about, elongation):
 
 def slabs(shape, held, nodes, cells, count=8):
     """Volume of tetrahedra less that of the shape, in slabs of the free part, in per cent; by points in each tetrahedron."""
-    x, volume = sampled(nodes, cells)
+    x = sampled(nodes, cells)
+    volume = np.broadcast_to(volumes(nodes, cells)[:, None] / x.shape[1], x.shape)
     borders = np.linspace(shape.section(held), shape.section(1 - held), count + 1)
     ours, _ = np.histogram(x, borders, weights=volume)
     return [100 * (v / shape.volume(a, b) - 1) for v, a, b in zip(ours, borders, borders[1:])]

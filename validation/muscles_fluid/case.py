@@ -49,7 +49,7 @@ def reference(r, name):
     for tetrahedra in (5000, 1500):
         made = triceps.reference(r, name, 2, tetrahedra, 8, "true_stretch", (0.1, ALPHA))
         if made.at(ALPHA):
-            return presets.Preset(name).section(triceps.HELD), made, made.at(ALPHA)
+            return presets.Preset(name).section(presets.HELD), made, made.at(ALPHA)
     raise RuntimeError(f"no reference for {name}")
 
 

@@ -10,7 +10,7 @@ import sphm
 import statics
 from material import Material
 from pointwise import Field
-from presets import PLANES, REGIONS, rms
+from presets import HELD, PLANES, REGIONS, rms
 
 TITLE = "The triceps against finite elements, the paper's way (solid)"
 QUESTION = """The preset is held at the ends (10 % of the volume each) and activated in five steps and released in five. The
@@ -27,7 +27,6 @@ COUNTS = (2231, 4944, 9888, 18475)
 ELEMENTS = (*((1, size, 1) for size in (1000, 2000, 5000, 10000, 20000, 40000)), (2, 5000, 1), (2, 1500, 8), (2, 5000, 8),
             (2, 10000, 8), (2, 15000, 8))
 ELEMENTS_QUICK = ((1, 1000, 1), (2, 1500, 8))
-HELD = 0.9  # share of the volume below the upper held plane, and above the lower one
 # s at a level, up and down (activation falls with a time constant of 40 ms); end force and positions are means over the
 # last part of it. Three times as long changed the displacement by 0.1 % of the peak.
 RELAX, RELAX_DOWN, MEAN_OVER = 0.10, 0.25, 0.02
